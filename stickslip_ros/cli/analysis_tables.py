@@ -18,7 +18,7 @@ from stickslip_ros.analysis.fleet import Answer, TimedAnswer
 from stickslip_ros.analysis.fleet_joints import LEAST_MOVING, FleetJoint
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.analysis.judgement import lacks_data
-from stickslip_ros.cli.terminal import Terminal, console_of_tables, fitting, new_table
+from stickslip_ros.cli.terminal import Terminal, console_of_tables, fitting, new_table, number_text
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.output.wording import OUTCOME_WORDS, counted
 from stickslip_ros.visible import visible
@@ -90,9 +90,9 @@ def _cells(joint: JointAnalysis) -> dict[str, str]:
         "sticking\n[s]": f"{joint.time_in(Status.STICK_SLIP):.3g}",
         "moving\n[s]": f"{joint.moving_time:.4g}",
         "cycles\n": str(len(joint.cycles)),
-        "speed\n[rad/s]": _number(joint.velocity),
-        "slip\n[rad]": _number(joint.usual_slip),
-        "reserve\n": _number(100.0 * joint.reserve, "+.0f", " %"),
+        "speed\n[rad/s]": number_text(joint.velocity),
+        "slip\n[rad]": number_text(joint.usual_slip),
+        "reserve\n": number_text(100.0 * joint.reserve, "+.0f", " %"),
         "model\npredicts": predicted,
     }
 
@@ -123,7 +123,7 @@ def print_fleet(joints: Sequence[FleetJoint], answers: Sequence[Answer]) -> None
 
 
 def _fleet_cells(joint: FleetJoint) -> dict[str, str]:
-    friction = [_number(point.value) for point in joint.histories["coulomb"].points.values()] or ["-"]
+    friction = [number_text(point.value) for point in joint.histories["coulomb"].points.values()] or ["-"]
     return {
         "robot\n": escape(visible(joint.robot)),
         "joint\n": escape(visible(joint.name)),
@@ -184,7 +184,3 @@ def _result(found: Answer) -> str:
 def status_text(word: str) -> str:
     """A status word in its colour."""
     return f"[{COLOURS.get(word, 'dim')}]{word}[/]"
-
-
-def _number(value: float, form: str = ".3g", unit: str = "") -> str:
-    return f"{value:{form}}{unit}" if math.isfinite(value) else "-"

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from stickslip_ros.settings.known_joints import load_joint
 from stickslip_ros.settings.nearest_name import nearest_name
 from stickslip_ros.settings.parameter_file import Parameters
 from stickslip_ros.settings.parameter_names import nearest_joint
+from stickslip_ros.settings.parameter_table import GAINS
 
 GAINS_FORM = "[JOINT=]P[,D[,I]]"
 GAINS_RULE = "finite and >= 0 (without the sign, if the motor counts against its joint)"
@@ -95,8 +96,7 @@ def analysis_options(options: argparse.Namespace, gains_after: Sequence[str] = (
     for option, texts in (("--gains", options.gains), ("--gains-after", gains_after)):
         for text in texts:
             joint, values = _of_joint(text)
-            numbers = zip(_ORDER, gain_numbers(option, values), strict=False)
-            given |= {f"gains.{joint}.{kind}": number for kind, number in numbers}
+            given |= {f"gains.{joint}.{kind}": number for kind, number in given_gains(option, values).items()}
     if options.no_learning:
         given["learn"] = False
     for name, (parameter, _) in _LIMITS.items():
@@ -130,8 +130,8 @@ def topic_choice(options: argparse.Namespace) -> TopicChoice:
     )
 
 
-def gain_numbers(option: str, text: str) -> list[float]:
-    """Gains k_p, k_v and k_i of the form 630,12,100, of which those at the end may be left out.
+def given_gains(option: str, text: str) -> dict[str, float]:
+    """Gains p, d and i of the form 630,12,100, of which those at the end may be left out.
 
     Raises
     ------
@@ -146,7 +146,12 @@ def gain_numbers(option: str, text: str) -> list[float]:
         raise InvalidParameterError(option, "of the form 630 or 630,12 or 630,12,100", text) from error
     if not all(map(can_be_a_gain, numbers)):
         raise InvalidParameterError(option, GAINS_RULE, text)
-    return numbers
+    return dict(zip(_ORDER, numbers, strict=False))
+
+
+def fields_of(gains: Mapping[str, float]) -> dict[str, float]:
+    """Gains by a controller's words as fields of :class:`~stickslip_ros.model.friction.Gains`."""
+    return {GAINS[kind]: value for kind, value in gains.items()}
 
 
 def can_be_a_gain(number: float) -> bool:

@@ -118,22 +118,11 @@ def _compile(console: Console) -> None:
 
 
 def _cure(console: Console, out: Path) -> int:
-    from stickslip_ros.cli.demo_log import DemoListener
+    from stickslip_ros.cli.demo_log import two_nodes
     from stickslip_ros.cli.demo_picture import draw
-    from stickslip_ros.cli.demo_waiting import Stage
 
-    with ExitStack() as stack:
-        nodes = [
-            stack.enter_context(NodeProcess("simulated_joint", {"joints": f"[{_JOINT}]", "rate": _RATE})),
-            stack.enter_context(NodeProcess("monitor", {**_KNOWN, **_FORGETFUL, "controller": "/simulated_joint"})),
-        ]
-        listener = DemoListener(_JOINT)
-        stack.callback(listener.close)
-        console.print(
-            "Two nodes started: [bold]simulated_joint[/] (PUMA 560 joint 1, the paper's friction) and [bold]monitor[/]."
-        )
-        stage = Stage(console, listener, nodes, "rad")
-        stage.wait(
+    with two_nodes(console, _JOINT, {**_KNOWN, **_FORGETFUL}, {"rate": _RATE}) as listener:
+        listener.wait(
             lambda: not math.isnan(listener.now) and listener.value("stiffness [N*m/rad]") != "",
             _START_LIMIT, "the nodes to be heard",
         )  # fmt: skip
@@ -148,8 +137,8 @@ def _cure(console: Console, out: Path) -> int:
             judged = bool(data.margins) and not math.isnan(data.margins[-1][RESERVE_FIELD])
             return judged and listener.status == "stick_slip" and len(data.cycles) >= _CYCLES_TO_SEE
 
-        stage.wait(sticks, _STICK_LIMIT, "stick-slip")
-        stage.wait(lambda: listener.value("recommendation") != "", _STICK_LIMIT, "advice")
+        listener.wait(sticks, _STICK_LIMIT, "stick-slip")
+        listener.wait(lambda: listener.value("recommendation") != "", _STICK_LIMIT, "advice")
         console.print(
             f"[bold red]Stick-slip[/]: {len(data.cycles)} cycles, the last slip "
             f"{1e3 * data.cycles[-1]['slip_distance']:.2f} mrad after {data.cycles[-1]['dwell']:.2f} s at rest. "
@@ -163,8 +152,8 @@ def _cure(console: Console, out: Path) -> int:
             "joint moves, and watches it. The reserve is of the gains in force; the status follows seconds later."
         )
         for left in reversed(range(_ATTEMPTS)):
-            answer = listener.trigger("/stickslip_monitor", "apply_recommendation", "apply its advice")
-            stage.wait(answer.done, _APPLY_LIMIT, "the gains to be applied")
+            answer = listener.trigger("apply_recommendation", "apply its advice")
+            listener.wait(answer.done, _APPLY_LIMIT, "the gains to be applied")
             # What a busy machine cut short may have been enough.
             if answer.result().success or listener.status == "smooth":
                 break
@@ -184,7 +173,7 @@ def _cure(console: Console, out: Path) -> int:
                 smooth_since.append(listener.now)
             return bool(smooth_since) and listener.now - smooth_since[0] >= _SMOOTH_TO_SEE
 
-        stage.wait(smooth_for_long, _SMOOTH_LIMIT, "smooth motion")
+        listener.wait(smooth_for_long, _SMOOTH_LIMIT, "smooth motion")
         late = [cycle for cycle in data.cycles if cycle["arrest"] > smooth_since[0]]
         if late or not data.margins[-1][RESERVE_FIELD] > 0:
             raise StickSlipError(f"not cured: {len(late)} cycles after the change, damping reserve {_reserve(data)}")
@@ -239,9 +228,8 @@ def _half(data: DemoData, begin: float, end: float, gains: dict[str, object]) ->
 
 
 def _replay(console: Console, options: argparse.Namespace) -> int:
-    from stickslip_ros.cli.demo_log import DemoListener
+    from stickslip_ros.cli.demo_log import DemoListener, last_line
     from stickslip_ros.cli.demo_picture import draw
-    from stickslip_ros.cli.demo_waiting import Stage, last_line
 
     path = find_recording(options.recording)
     recording = load_recording(path)
@@ -250,11 +238,10 @@ def _replay(console: Console, options: argparse.Namespace) -> int:
     factor = options.speed if options.speed is not None else max(1.0, length / 30.0)
     with ExitStack() as stack:
         monitor = stack.enter_context(NodeProcess("monitor", {"joints": f"[{_JOINT}]", **_FORGETFUL}))
-        listener = DemoListener(_JOINT)
+        listener = DemoListener(_JOINT, console, [monitor], recording.unit)
         stack.callback(listener.close)
         listener.listen(1.0)
-        stage = Stage(console, listener, [monitor], recording.unit)
-        stage.wait(lambda: listener.diagnostic is not None, _START_LIMIT, "the monitor to be heard")
+        listener.wait(lambda: listener.diagnostic is not None, _START_LIMIT, "the monitor to be heard")
         replay = stack.enter_context(NodeProcess("replay", {"recording": path, "joint": _JOINT, "time_factor": factor}))
         console.print(
             f"Replaying [bold]{recording.name}[/]: {len(batch)} samples, {length:.1f} s, {factor:.3g} times as fast."
@@ -266,7 +253,7 @@ def _replay(console: Console, options: argparse.Namespace) -> int:
                 seen.setdefault(listener.status)
             return not replay.running
 
-        stage.wait(ended, length / factor + _START_LIMIT, "the end of the recording")
+        listener.wait(ended, length / factor + _START_LIMIT, "the end of the recording")
         if replay.wait(1.0) != 0 or not listener.data.states:
             raise StickSlipError(f"the recording was not published: {last_line(replay.output())}")
         cycles = listener.data.cycles

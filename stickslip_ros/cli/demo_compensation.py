@@ -10,18 +10,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack
 from pathlib import Path
 
 from rich.console import Console
 
-from stickslip_ros.cli.demo_log import DemoListener
+from stickslip_ros.cli.demo_log import DemoListener, two_nodes
 from stickslip_ros.cli.demo_picture import draw
-from stickslip_ros.cli.demo_waiting import Stage
-from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.errors import StickSlipError
 
-_CONTROLLER, _MONITOR = "/simulated_joint", "/stickslip_monitor"
 _STIFF, _DAMPED, _HARDLY_DAMPED = 6300.0, 200.0, 20.0  # [N·m/rad], [N·m·s/rad], likewise
 _ONE_WAY = 4.0  # [s] between reversals
 _FAST = 0.02  # [rad/s] smooth by itself, with hardly any damping
@@ -34,9 +30,8 @@ _LEFT = 0.7  # of the error at a reversal: less is a help
 class _Scene:
     """The joint, its monitor, and who looks at them."""
 
-    def __init__(self, console: Console, listener: DemoListener, nodes: list[NodeProcess]) -> None:
+    def __init__(self, listener: DemoListener) -> None:
         self.listener = listener
-        self._stage = Stage(console, listener, nodes, "rad")
         self._cycles = 0
         self._wait(lambda: listener.status != "" and not math.isnan(listener.now), "the nodes to be heard")
         self.marks: list[tuple[float, str]] = []
@@ -51,8 +46,8 @@ class _Scene:
         joint = self.listener.joint
         named = {".".join([kind, joint, *rest]): value for name, value in values.items()
                  for kind, *rest in [name.split(".")]}  # fmt: skip
-        self._wait(self.listener.set_parameters(_CONTROLLER, named).done, "the joint's parameters to be set")
-        self._wait(self.listener.trigger(_MONITOR, "reset", "reset it").done, "the monitor to answer")
+        self._wait(self.listener.set_parameters(named).done, "the joint's parameters to be set")
+        self._wait(self.listener.trigger("reset", "reset it").done, "the monitor to answer")
         # What was published before the reset does not count.
         self._wait(lambda: not self._reversals(), "the monitor to be reset")
         self.listener.listen(0.2)
@@ -61,7 +56,7 @@ class _Scene:
         self._cycles = len(self.listener.data.cycles)
 
     def _wait(self, reached: Callable[[], bool], what: str) -> None:
-        self._stage.wait(reached, _LIMIT, what)
+        self.listener.wait(reached, _LIMIT, what)
 
     def _reversals(self) -> float:
         """Their latest number."""
@@ -93,17 +88,8 @@ def compensate(console: Console, out: Path, parameters: Mapping[str, object]) ->
     StickSlipError
         If one of the things to show was not seen in time.
     """
-    with ExitStack() as stack:
-        nodes = [
-            stack.enter_context(NodeProcess("simulated_joint", {"joints": "[joint1]"})),
-            stack.enter_context(NodeProcess("monitor", {**parameters, "controller": _CONTROLLER})),
-        ]
-        listener = DemoListener("joint1")
-        stack.callback(listener.close)
-        console.print(
-            "Two nodes started: [bold]simulated_joint[/] (PUMA 560 joint 1, the paper's friction) and [bold]monitor[/]."
-        )
-        scene = _Scene(console, listener, nodes)
+    with two_nodes(console, "joint1", parameters, {}) as listener:
+        scene = _Scene(listener)
         _show(console, scene)
         draw(listener.data, out, title="PUMA 560 joint 1, its friction compensated", marks=scene.marks, unit="rad")
     console.print(f"Picture: [bold]{out}[/]")

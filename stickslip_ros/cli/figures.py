@@ -14,6 +14,7 @@ import math
 import os
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,8 @@ _LARGEST_STIFFNESS = 1200.0  # k_p/M [1/s²]
 _SPEEDS = (0.05, 3.0)  # of the Stribeck velocity
 _WIDE_SPEEDS = (0.02, 50.0)
 _WIDE_STIFFNESS = 20_000.0
+# Title, note and panels of a figure.
+Drawn = tuple[str, str, tuple[Panel, ...]]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -74,16 +77,16 @@ def run(options: argparse.Namespace) -> int:
 
 def draw(joint: Joint, number: int, computed: ExtinctionMap | None = None) -> Figure:
     """One of the figures; those of :data:`WITH_MAP` need the map of :func:`figure_13_axes`."""
-    if number in WITH_MAP:
-        assert computed is not None
-        return (_figure_13 if number == 13 else _figure_14)(joint, computed)
-    makers: dict[int, Callable[[Joint], Figure]] = {
+    makers: dict[int, Callable[[Joint], Drawn]] = {
         1: _figure_1, 5: _figure_5, 6: _figure_6, 8: _figure_8, 9: _figure_9, 11: _figure_11, 12: _figure_12
     }  # fmt: skip
-    return makers[number](joint)
+    if computed is not None:
+        makers |= {13: partial(_figure_13, computed=computed), 14: partial(_figure_14, computed=computed)}
+    title, note, panels = makers[number](joint)
+    return Figure(name=f"figure_{number:02d}", title=f"Fig. {number}  {title}", note=note, panels=panels)
 
 
-def _figure_1(joint: Joint) -> Figure:
+def _figure_1(joint: Joint) -> Drawn:
     velocity = np.linspace(0.0, 0.06, 601)
     friction = joint.friction
     rising = replace(friction, stribeck=0.0)
@@ -107,14 +110,13 @@ def _figure_1(joint: Joint) -> Figure:
         curves=(start, *curves),
         legend="lower right",
     )
-    return Figure(
-        name="figure_01",
-        title="Fig. 1  Friction falls with speed before it rises: the Stribeck curve",
-        note=(
+    return (
+        "Friction falls with speed before it rises: the Stribeck curve",
+        (
             "Eqs (1)-(5) in steady sliding; PUMA 560 joint 1. The paper gives no Coulomb friction; "
             "8.43 N·m is the value usually published."
         ),
-        panels=(panel,),
+        (panel,),
     )
 
 
@@ -156,42 +158,40 @@ def _slip_panel(groups: DimensionlessGroups, title: str, curves: list[Curve]) ->
     )
 
 
-def _figure_5(joint: Joint) -> Figure:
+def _figure_5(joint: Joint) -> Drawn:
     own = dimensionless_groups(joint, Gains(stiffness=400.0 * float(joint.inertia)), joint.friction.stribeck_velocity)
     panels = []
     for stribeck, words in ((float(own.stribeck), "joint 1"), (11.4, "the print's caption")):
         groups = replace(own, stribeck=stribeck)
         title = f"$F^*_{{s\\infty}}$ = {stribeck:.3g} ({words})"
         panels.append(_slip_panel(groups, title, _slip_curves(groups, BLUE)))
-    return Figure(
-        name="figure_05",
-        title="Fig. 5  A slip in the phase plane, and the circle it would be without friction's work",
-        note=(
+    return (
+        "A slip in the phase plane, and the circle it would be without friction's work",
+        (
             "Eq. (14); k_p/M = 400 /s², k_v = 0, commanded at the Stribeck velocity (our choice).\n"
             "The caption's 11.4 is far from the boundary that the text claims; joint 1 has 2.19. Both are drawn."
         ),
-        panels=tuple(panels),
+        tuple(panels),
     )
 
 
-def _figure_6(joint: Joint) -> Figure:
+def _figure_6(joint: Joint) -> Drawn:
     own = dimensionless_groups(joint, Gains(stiffness=400.0 * float(joint.inertia)), joint.friction.stribeck_velocity)
     without = replace(own, lag=0.0)
-    return Figure(
-        name="figure_06",
-        title="Fig. 6  Frictional memory shrinks the slip",
-        note=(
+    return (
+        "Frictional memory shrinks the slip",
+        (
             "Eqs (14) and (5); joint 1, k_p/M = 400 /s², k_v = 0, commanded at the Stribeck velocity (our choice).\n"
             "Without lag friction is back at its full level when the joint stops."
         ),
-        panels=(
+        (
             _slip_panel(own, f"with the joint's lag, τ* = {float(own.lag):.3g}", _slip_curves(own, BLUE)),
             _slip_panel(without, "without lag, τ* = 0", _slip_curves(without, ORANGE)),
         ),
     )
 
 
-def _figure_8(_: Joint) -> Figure:
+def _figure_8(_: Joint) -> Drawn:
     time = np.linspace(0.0, 2.0 * math.pi, 721)
     curves = []
     for lag, colour in zip((0.0, 0.5, 1.0, 2.0, 3.0), COLOURS, strict=False):
@@ -202,15 +202,14 @@ def _figure_8(_: Joint) -> Figure:
         y_label="Stribeck friction over its breakaway level  Ψ  [1]",
         curves=tuple(curves),
     )
-    return Figure(
-        name="figure_08",
-        title="Fig. 8  Stribeck friction along the unperturbed circle, later with more memory",
-        note="Eq. (5) with the velocity of the circle, commanded at the Stribeck velocity; its work is Eq. (27).",
-        panels=(panel,),
+    return (
+        "Stribeck friction along the unperturbed circle, later with more memory",
+        "Eq. (5) with the velocity of the circle, commanded at the Stribeck velocity; its work is Eq. (27).",
+        (panel,),
     )
 
 
-def _figure_9(_: Joint) -> Figure:
+def _figure_9(_: Joint) -> Drawn:
     velocity = np.geomspace(0.02, 50.0, 400)
     curves = tuple(
         Curve(label=f"τ* = {lag:g}", x=np.log10(velocity), y=np.asarray(work_integral(velocity, lag)), colour=colour)
@@ -221,11 +220,10 @@ def _figure_9(_: Joint) -> Figure:
         y_label="work integral  $I(\\dot\\xi_d, \\tau^*)$  [1]",
         curves=curves,
     )
-    return Figure(
-        name="figure_09",
-        title="Fig. 9  The work of friction in a cycle: with memory it feeds less, then takes",
-        note="Eq. (27), in the closed form that the paper does not give. Above 0 friction feeds the oscillation.",
-        panels=(panel,),
+    return (
+        "The work of friction in a cycle: with memory it feeds less, then takes",
+        "Eq. (27), in the closed form that the paper does not give. Above 0 friction feeds the oscillation.",
+        (panel,),
     )
 
 
@@ -275,13 +273,12 @@ def _map_panel(curves: tuple[Curve, ...]) -> Panel:
     )
 
 
-def _figure_11(joint: Joint) -> Figure:
+def _figure_11(joint: Joint) -> Drawn:
     simple = replace(joint, friction=replace(joint.friction, lag=0.0, rise_time=0.0))
-    return Figure(
-        name="figure_11",
-        title="Fig. 11  Where stick-slip ends: Stribeck friction alone",
-        note="Eq. (43) with τ_L = 0 and γ = 0; joint 1, F_v included in every curve.",
-        panels=(
+    return (
+        "Where stick-slip ends: Stribeck friction alone",
+        "Eq. (43) with τ_L = 0 and γ = 0; joint 1, F_v included in every curve.",
+        (
             replace(
                 _map_panel(_paper_boundaries(simple, _wide_axes(joint))),
                 legend="center",
@@ -292,16 +289,15 @@ def _figure_11(joint: Joint) -> Figure:
     )
 
 
-def _figure_12(joint: Joint) -> Figure:
+def _figure_12(joint: Joint) -> Drawn:
     simple = replace(joint, friction=replace(joint.friction, lag=0.0))
-    return Figure(
-        name="figure_12",
-        title="Fig. 12  Where stick-slip ends: with rising static friction, without memory",
-        note=(
+    return (
+        "Where stick-slip ends: with rising static friction, without memory",
+        (
             "Eq. (43) with τ_L = 0 and h = 1: static friction is taken to rise from the Coulomb level (Fig. 10(b)),\n"
             "since by (32) h would be 0 and the rise without effect."
         ),
-        panels=(_map_panel(_paper_boundaries(simple, _axes(joint), rises_from_coulomb=True)),),
+        (_map_panel(_paper_boundaries(simple, _axes(joint), rises_from_coulomb=True)),),
     )
 
 
@@ -325,33 +321,31 @@ def _exact_boundary(joint: Joint, computed: ExtinctionMap, damping: float, label
     )
 
 
-def _figure_13(joint: Joint, computed: ExtinctionMap) -> Figure:
+def _figure_13(joint: Joint, computed: ExtinctionMap) -> Drawn:
     exact = tuple(
         _exact_boundary(joint, computed, damping, "exact" if damping == 0.0 else "", colour)
         for damping, colour in zip(_DAMPINGS, COLOURS, strict=False)
     )
-    return Figure(
-        name="figure_13",
-        title="Fig. 13  Where stick-slip ends: with frictional memory and rising static friction",
-        note=(
+    return (
+        "Where stick-slip ends: with frictional memory and rising static friction",
+        (
             "Eq. (43), solid, and (4)-(6) integrated, dashed, for the same dampings; joint 1.\n"
             f"At {100 * computed.conservative:.1f} % of the map's {computed.exact_damping.size} points the damping k_v "
             "that (43) asks for is enough. Dashed curves turn back: the softest joints need less damping again."
         ),
-        panels=(_map_panel((*_paper_boundaries(joint, _axes(joint)), *exact)),),
+        (_map_panel((*_paper_boundaries(joint, _axes(joint)), *exact)),),
     )
 
 
-def _figure_14(joint: Joint, computed: ExtinctionMap) -> Figure:
+def _figure_14(joint: Joint, computed: ExtinctionMap) -> Drawn:
     total = 4.9
     bare = replace(joint, friction=replace(joint.friction, viscous=total))
     curves = (
         _paper_boundary(bare, _axes(bare), 0.0, "Eq. (43)", BLUE),
         _exact_boundary(joint, computed, total, "integrated exactly", GREEN),
     )
-    return Figure(
-        name="figure_14",
-        title="Fig. 14  Where stick-slip ends on the robot, $k_v'$ = 4.9 N·m·s/rad",
-        note="The paper's 17 trial points are not available as numbers and are left out.",
-        panels=(_map_panel(curves),),
+    return (
+        "Where stick-slip ends on the robot, $k_v'$ = 4.9 N·m·s/rad",
+        "The paper's 17 trial points are not available as numbers and are left out.",
+        (_map_panel(curves),),
     )

@@ -26,7 +26,7 @@ from stickslip_ros.bags.reading import read_joint_with_gains
 from stickslip_ros.bags.storage.formats import is_read_as_bag
 from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table import RecordingError, find_recording, load_recording
-from stickslip_ros.cli.bag_options import add_unpack_argument, gain_numbers, topic_choice
+from stickslip_ros.cli.bag_options import add_unpack_argument, fields_of, given_gains, topic_choice
 from stickslip_ros.cli.options import add_flag, add_json, add_number, add_option, option_of
 from stickslip_ros.cli.outputs import JOINT_FILE
 from stickslip_ros.cli.terminal import Terminal, new_table, progress_bar
@@ -166,8 +166,7 @@ def _gains(options: argparse.Namespace) -> Gains | None:
     if options.gains is not None:
         if options.stiffness is not None:
             raise InvalidParameterError("--stiffness", "left out with --gains", options.stiffness)
-        numbers = gain_numbers("--gains", options.gains)
-        return Gains(**dict(zip(("stiffness", "damping", "integral"), numbers, strict=False)))
+        return Gains(**fields_of(given_gains("--gains", options.gains)))
     if options.stiffness is None:
         for name in ("damping", "integral"):
             if getattr(options, name) != 0.0:

@@ -8,6 +8,7 @@ import html
 import math
 from collections.abc import Mapping
 from concurrent.futures import Executor, Future
+from dataclasses import replace
 from importlib import resources
 from typing import Any
 
@@ -17,22 +18,27 @@ from bokeh.document import Document
 from bokeh.events import DocumentReady
 from bokeh.layouts import column, row
 
+from stickslip_ros.analysis.report.page import number_text
 from stickslip_ros.analysis.report.plots import BLUE, GREEN, GREY, INK, ORANGE, RED, new_figure
-from stickslip_ros.cli.live_joint import cycle_duration, joint_map, phase_loop, what_if
 from stickslip_ros.cli.live_listener import LiveListener, Snapshot
+from stickslip_ros.cli.monitor_client import number_of
 from stickslip_ros.cli.watch_view import MARKS, JointView, worst_first
 from stickslip_ros.model.extinction_map import ExtinctionMap
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.monitoring.samples import FloatArray
+from stickslip_ros.output.as_json import margin_json
 from stickslip_ros.output.diagnosis import Level
 from stickslip_ros.output.published import published_joint
-from stickslip_ros.output.stability_map import MapSubject
+from stickslip_ros.output.stability_map import MapSubject, map_of
 from stickslip_ros.output.wording import OUTCOME_TEXTS, counted, status_words
 
 _EVERY = 500  # [ms]
 _SILENT = 3.0  # [s] from when on it is said
 _MOST_POINTS = 1500  # of a curve
+_MAP_POINTS = 400
+_LEAST_SAMPLES = 8  # of a loop
+_SMOOTHED = 5  # samples on either side, where a velocity has to be derived
 _SHOWN = 10.0  # [s] of motion
 _CLASSES = {Level.ERROR: "bad", Level.WARN: "warn", Level.STALE: "none", Level.OK: "good"}
 _MOVED = 1e-3  # relative change of what a map depends on
@@ -56,7 +62,7 @@ class LivePage:
         self._map_of: MapSubject | None = None
         self._pending_map: tuple[MapSubject, Future[ExtinctionMap]] | None = None
         self._pending_if: tuple[MapSubject, Future[dict[str, Any]]] | None = None
-        self._present: Gains | None = None
+        self._subject: MapSubject | None = None  # what is predicted of the chosen joint, None if nothing can be
         self._sheet = sheet = models.InlineStyleSheet(css=_text("live.css"))
 
         def words() -> models.Div:
@@ -149,7 +155,7 @@ class LivePage:
     def _choose(self, name: str) -> None:
         if self._joint:
             self._listener.look_away(self._joint)
-        self._joint, self._present, self._map_of = name, None, None
+        self._joint, self._subject, self._map_of = name, None, None
         # What was asked about another joint is not answered here.
         self._pending_map, self._pending_if = None, None
         self._write(self._answer, "")
@@ -159,22 +165,19 @@ class LivePage:
 
     def _show(self, joint: JointView, now: Snapshot) -> None:
         values = now.values.get(joint.name, {})
-        numbers = {key: number for key, text in values.items() if (number := _number(text)) is not None}
+        numbers = {key: number for key, text in values.items() if math.isfinite(number := number_of(text))}
         self._write(self._advice, advice_text(joint, values))
         self._show_motion(joint.name, now, numbers)
-        model = published_joint(values)
-        gains = _gains(numbers, "")
-        speed = abs(joint.velocity)
-        if model is None or gains is None or not speed > 0.0:
-            self._present = None
+        model, gains, before = published_joint(values), _gains(numbers, ""), self._subject
+        if model is None or gains is None or not 0.0 < abs(joint.velocity) < math.inf:
+            self._subject = None
             self._write(
                 self._answer, "<p>What other gains would do is worked out once friction and gains are known.</p>"
             )
             return
-        subject = MapSubject(joint=model, gains=gains, velocity=speed)
+        self._subject = subject = MapSubject(joint=model, gains=gains, velocity=abs(joint.velocity))
         self._show_map(subject, _gains(numbers, "recommended "))
-        if self._present != gains:
-            self._present = gains
+        if before is None or before.gains != gains:
             self._set_sliders(subject)
         self._slide()
 
@@ -191,7 +194,7 @@ class LivePage:
             else np.full(len(rows), math.nan)
         )
         self._motion.data = {"time": rows[:, 0] - samples[-1, 0], "position": rows[:, 1], "reference": desired}
-        error, velocity = phase_loop(samples, references, cycle_duration(dict(numbers)))
+        error, velocity = phase_loop(samples, references, cycle_duration(numbers))
         kept = slice(None, None, max(1, math.ceil(len(error) / _MOST_POINTS)))
         self._loop.data = {"error": 1e3 * error[kept], "velocity": velocity[kept]}
 
@@ -212,7 +215,7 @@ class LivePage:
                 self._stiffnesses.update(start=float(cells["bottom"].min()), end=float(cells["top"].max()))
         due = self._map_of is None or not _similar(self._map_of, subject)
         if due and self._pending_map is None and float(subject.gains.stiffness) > 0.0:
-            self._pending_map = (subject, self._work.submit(joint_map, subject))
+            self._pending_map = (subject, self._work.submit(map_of, subject, _MAP_POINTS))
 
     def _set_sliders(self, subject: MapSubject) -> None:
         """At the present gains; a decade of stiffness either way, and damping up to twice the critical one of a joint
@@ -226,32 +229,21 @@ class LivePage:
 
     def _slide(self) -> None:
         """Work out what the sliders' gains would do; what was asked in between is passed over."""
-        values = self._listener.snapshot.values.get(self._joint, {})
-        model, present = published_joint(values), self._present
-        speed = abs(_number(values.get("velocity [rad/s]", "")) or 0.0)
-        if model is None or present is None or not speed > 0.0:
+        if self._subject is None:
             return
         gains = Gains(stiffness=_digits(10.0**self._stiffness.value), damping=_digits(self._damping.value))
-        wanted = MapSubject(joint=model, gains=gains, velocity=speed)
+        wanted = replace(self._subject, gains=gains)
         if self._pending_if is not None and self._pending_if[1].done():
             requested, answer = self._pending_if
             self._pending_if = None
             if answer.exception() is None:
                 self._write(self._answer, _answer(requested, answer.result()))
         if self._pending_if is None:
-            self._pending_if = (wanted, self._work.submit(what_if, wanted))
+            self._pending_if = (wanted, self._work.submit(margin_json, wanted.joint, gains, wanted.velocity))
 
 
 def _text(name: str) -> str:
     return resources.files("stickslip_ros.cli").joinpath("static").joinpath(name).read_text(encoding="utf-8")
-
-
-def _number(text: str) -> float | None:
-    try:
-        value = float(text)
-    except ValueError:
-        return None
-    return value if math.isfinite(value) else None
 
 
 def _gains(numbers: Mapping[str, float], before: str) -> Gains | None:
@@ -276,9 +268,9 @@ def joint_table(joints: list[JointView], chosen: str) -> str:
         rows.append(
             f"<tr data-joint='{name}' class='{'chosen' if one.name == chosen else ''}'><td>{name}</td>"
             f"<td class='{_CLASSES[one.level]}'>{MARKS[one.level]} {html.escape(status_words(one.status))}</td>"
-            f"<td class='number'>{_number_text(one.velocity)}</td><td>{html.escape(one.outcome or '–')}</td>"
+            f"<td class='number'>{number_text(one.velocity)}</td><td>{html.escape(one.outcome or '–')}</td>"
             f"<td class='number'>{reserve}</td><td class='number'>{one.cycles}</td>"
-            f"<td class='number'>{_number_text(1e3 * one.slip)}</td></tr>"
+            f"<td class='number'>{number_text(1e3 * one.slip)}</td></tr>"
         )
     heads = "".join(
         f"<th{' class=number' if number else ''}>{head}</th>"
@@ -311,10 +303,6 @@ def _answer(subject: MapSubject, found: Mapping[str, Any]) -> str:
         f" at {subject.velocity:.3g} rad/s the model predicts: the joint <b class='{word}'>{does}</b>{reserve}. "
         "<span class='faint'>Computed in this page's server; nothing is written to the robot.</span></p>"
     )
-
-
-def _number_text(value: float) -> str:
-    return f"{value:.3g}" if math.isfinite(value) else "–"
 
 
 def _digits(value: float) -> float:
@@ -351,7 +339,39 @@ def _cells(found: ExtinctionMap, damping: float) -> dict[str, Any]:
 
 
 def _edges(values: FloatArray) -> FloatArray:
-    """Half-way between neighbours on a logarithmic axis."""
-    logs = np.log(values)
-    middles = 0.5 * (logs[1:] + logs[:-1])
-    return np.asarray(np.exp(np.concatenate([[2.0 * logs[0] - middles[0]], middles, [2.0 * logs[-1] - middles[-1]]])))
+    """Half-way between neighbours on the geometric axis of a map."""
+    half = np.sqrt(values[1] / values[0])
+    return np.append(values / half, values[-1] * half)
+
+
+def phase_loop(samples: FloatArray, references: FloatArray, duration: float) -> tuple[FloatArray, FloatArray]:
+    """The last seconds in the phase plane: position less its reference, or less an even motion [rad]; velocity [rad/s].
+
+    Parameters
+    ----------
+    samples : rows of time, position and velocity. references : rows of time and position, none where none is known.
+    """
+    empty = np.zeros(0)
+    if not len(samples):
+        return empty, empty
+    rows = samples[samples[:, 0] >= samples[-1, 0] - duration]
+    rows = rows[np.isfinite(rows[:, :2]).all(axis=1)]
+    if len(rows) < _LEAST_SAMPLES or not rows[-1, 0] > rows[0, 0]:
+        return empty, empty
+    time, position, velocity = rows[:, 0], rows[:, 1], rows[:, 2]
+    if not np.isfinite(velocity).all():
+        number = np.arange(len(rows))
+        ahead, behind = np.minimum(number + _SMOOTHED, len(rows) - 1), np.maximum(number - _SMOOTHED, 0)
+        velocity = (position[ahead] - position[behind]) / np.maximum(time[ahead] - time[behind], 1e-9)
+    if len(references) and references[-1, 0] >= time[0]:
+        desired = np.interp(time, references[:, 0], references[:, 1])
+    else:
+        desired = position[0] + (position[-1] - position[0]) * (time - time[0]) / (time[-1] - time[0])
+    return position - desired, velocity
+
+
+def cycle_duration(values: Mapping[str, float]) -> float:
+    """How long to look back for one cycle [s]: the last one's length and a little more; three seconds without any."""
+    dwell, slip = values.get("last dwell [s]", math.nan), values.get("last slip duration [s]", math.nan)
+    period = dwell + slip
+    return min(max(1.3 * period, 0.5), 20.0) if math.isfinite(period) else 3.0

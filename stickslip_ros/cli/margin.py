@@ -18,7 +18,7 @@ from typing import Any
 from rich.table import Table
 
 from stickslip_ros.cli.options import add_flag, add_json, add_number, add_option, option_of, refuse_without_effect
-from stickslip_ros.cli.terminal import Terminal, console_of_tables, fitting
+from stickslip_ros.cli.terminal import Terminal, console_of_tables, fitting, new_table
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.model._friction_law import CONTACTS, ELASTO_PLASTIC, LAWS, PAPERS_LAW
 from stickslip_ros.model._validation import require_not_negative
@@ -340,14 +340,11 @@ def _print_side_by_side(result: dict[str, Any]) -> None:
     )  # fmt: skip
 
     def table(kept: Sequence[str]) -> Table:
-        made = Table(box=None, padding=(0, 2))
-        for heading in kept:
-            side, style = ("left", "dim") if heading == "meaning" else ("right" if heading else "left", "")
-            made.add_column(heading, justify=side, style=style, no_wrap=True)  # type: ignore[arg-type]
-        for row in rows:
+        made = new_table(kept, ("", "meaning"), padding=(0, 2))
+        for *cells, meaning in rows:
             # Beyond the paper's case some have no answer.
-            if row[1:3] != ("-", "-"):
-                made.add_row(*row[: len(kept)])
+            if cells[1:] != ["-", "-"]:
+                made.add_row(*[*cells, f"[dim]{meaning}[/]"][: len(kept)])
         return made
 
     console.print(table(fitting(console, headings, headings[-1:], table)))

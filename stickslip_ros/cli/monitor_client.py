@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 
 import rclpy
@@ -65,6 +66,14 @@ class MonitorClient:
 def values_of(status: DiagnosticStatus) -> dict[str, str]:
     """The values of a diagnostic status, or of a cycle, by key."""
     return {pair.key: pair.value for pair in status.values}
+
+
+def number_of(text: str) -> float:
+    """Number in a diagnostic's text; NaN where there is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
 
 
 def margins_of(message: Float64MultiArray) -> dict[str, dict[str, float]]:

@@ -17,7 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from stickslip_ros.cli.bag_options import SLOWEST, gain_numbers
+from stickslip_ros.cli.bag_options import SLOWEST, fields_of, given_gains
 from stickslip_ros.cli.compensation_table import (
     CompensationTable,
     compensation_table,
@@ -50,9 +50,9 @@ from stickslip_ros.monitoring.advice.sensitivity import Sensitivity, in_words, s
 from stickslip_ros.output.as_json import json_text, margin_json, recommendation_json
 from stickslip_ros.output.wording import OUTCOME_WORDS
 from stickslip_ros.settings.known_joints import load_joint
+from stickslip_ros.settings.parameter_table import GAINS
 
 _LARGEST_RESERVE = 100.0  # where next to no damping is needed the reserve says nothing
-_WHAT_IF = {"p": "stiffness", "d": "damping", "i": "integral"}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -229,12 +229,12 @@ def what_if(text: str, gains: Gains) -> Gains:
         If the text has another form.
     """
     if "=" not in text:
-        return replace(gains, **dict(zip(_WHAT_IF.values(), gain_numbers("--what-if", text), strict=False)))
+        return replace(gains, **fields_of(given_gains("--what-if", text)))
     changes = {}
     for word in text.split(","):
         key, _, value = word.partition("=")
         try:
-            changes[_WHAT_IF[key.strip()]] = float(value)
+            changes[GAINS[key.strip()]] = float(value)
         except (KeyError, ValueError) as error:
             raise InvalidParameterError("--what-if", "of the form 2000,30 or p=2000,d=30 (p, d and i)", text) from error
     if not all(math.isfinite(value) for value in changes.values()):

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 from collections.abc import Callable, Container, Iterable, Iterator, Sequence
@@ -79,6 +80,11 @@ def fitting(
             break
         kept.remove(heading)
     return kept
+
+
+def number_text(value: float, form: str = ".3g", unit: str = "") -> str:
+    """A number as tables have it; "-" for none."""
+    return f"{value:{form}}{unit}" if math.isfinite(value) else "-"
 
 
 @contextmanager

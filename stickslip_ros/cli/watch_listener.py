@@ -13,7 +13,7 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import JointState
 
-from stickslip_ros.cli.monitor_client import MonitorClient, values_of
+from stickslip_ros.cli.monitor_client import MonitorClient, number_of, values_of
 from stickslip_ros.cli.watch_view import JointView
 from stickslip_ros.messages.content import seconds
 from stickslip_ros.output.diagnosis import Level
@@ -35,10 +35,7 @@ class _Heard:
     history: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=_KEPT))
 
     def number(self, key: str) -> float:
-        try:
-            return float(self.values.get(key, "nan"))
-        except ValueError:
-            return math.nan
+        return number_of(self.values.get(key, ""))
 
 
 class WatchListener(MonitorClient):

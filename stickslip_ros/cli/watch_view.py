@@ -15,7 +15,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from stickslip_ros.cli.terminal import fitting, width_of
+from stickslip_ros.cli.terminal import fitting, number_text, width_of
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.output.diagnosis import Level
 
@@ -129,11 +129,11 @@ def _cells(joint: JointView, duration: float, line: int) -> dict[str, Renderable
         "joint": Text(joint.name),
         _STATUS: Text(f"{MARKS[joint.level]} {joint.status}", style=_STYLES[joint.level]),
         _SPEED: Text(speeds, style="red" if joint.level is Level.ERROR else "cyan"),
-        _COMMANDED: _number(joint.velocity),
+        _COMMANDED: number_text(joint.velocity),
         _OUTCOME: Text(joint.outcome or "-", style=_OUTCOMES.get(joint.outcome, "")),
         _RESERVE: _reserve(joint.reserve),
         _CYCLES: str(joint.cycles),
-        _SLIP: _number(joint.slip),
+        _SLIP: number_text(joint.slip),
     }
 
 
@@ -151,10 +151,6 @@ def _message(joint: JointView, console: Console) -> list[Text]:
 
 def _known(value: float) -> float:
     return value if math.isfinite(value) else 0.0
-
-
-def _number(value: float) -> str:
-    return f"{value:.3g}" if math.isfinite(value) else "-"
 
 
 def _reserve(value: float) -> Text:

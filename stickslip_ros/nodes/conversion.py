@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
@@ -35,22 +34,6 @@ def stamp(time: float) -> Time:
     """Stamp of a time in seconds."""
     nanoseconds = round(time * 1e9)
     return Time(sec=nanoseconds // 1_000_000_000, nanosec=nanoseconds % 1_000_000_000)
-
-
-def diagnostic_status(diagnosis: Diagnosis, robot: str = "") -> DiagnosticStatus:
-    """Message of a diagnosis.
-
-    Parameters
-    ----------
-    robot : prefix of the names, "" or ending in a slash: robots have joints of the same names, and one /diagnostics.
-    """
-    return DiagnosticStatus(
-        level=bytes([diagnosis.level]),
-        name=robot + diagnosis.name,
-        hardware_id=robot + diagnosis.hardware_id,
-        message=diagnosis.message,
-        values=[KeyValue(key=key, value=value) for key, value in diagnosis.values],
-    )
 
 
 def table(rows: Sequence[str], columns: Sequence[str], values: Sequence[float]) -> Float64MultiArray:

@@ -9,6 +9,7 @@ stands or is silent; it never exceeds the configured limit. A controller that ad
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +21,7 @@ from stickslip_ros.model.friction import Friction, steady_friction
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.nodes.joints.watched_joints import WatchedJoint, WatchedJoints
-from stickslip_ros.nodes.publications import quiet_publisher
+from stickslip_ros.nodes.publications import Findings, quiet_publisher
 from stickslip_ros.settings.parameters import Feedforward
 
 _SILENT = 0.1  # time without a reference, s: references come at 10 Hz at least
@@ -39,13 +40,12 @@ class _Heard:
 
 
 class FrictionFeedforward:
-    """Publisher of the torques, from references and friction that its owner passes on."""
+    """Publisher of the torques, from references and findings that its owner passes on."""
 
     def __init__(self, node: LifecycleNode) -> None:
         self._node = node
         self._publisher = quiet_publisher(node, JointState, "~/friction_feedforward", 1)
         self._heard: dict[str, _Heard] = {}
-        self._known: dict[str, Friction] = {}
         self._on: tuple[str, ...] = ()
 
     def close(self) -> None:
@@ -60,40 +60,32 @@ class FrictionFeedforward:
             velocity = (position - before.position) / (stamp - before.stamp)
         self._heard[name] = _Heard(when=now, stamp=stamp, position=position, velocity=velocity)
 
-    def update(self, joint: WatchedJoint, assessment: Assessment) -> None:
-        """Store the friction of a joint, if it is known well."""
-        friction = _known_well(joint, assessment)
-        if friction is None:
-            self._known.pop(joint.name, None)
-        else:
-            self._known[joint.name] = friction
-
-    def tick(self, joints: WatchedJoints, now: float) -> None:
+    def tick(self, joints: WatchedJoints, findings: Mapping[str, Findings], now: float) -> None:
         """Publish the present torques; zero, once, for joints whose share was set to zero."""
         on = joints.fed_forward
         if not on and not self._on:
             return
         named = (*on, *(name for name in self._on if name not in on))
-        message = JointState(name=list(named))
-        message.header.stamp = self._node.get_clock().now().to_msg()
-        message.effort = [self._torque(joints.get(name), now) for name in named]
-        self._publisher.publish(message)
+        self._publish({name: self._torque(joints.get(name), findings.get(name), now) for name in named})
         self._on = on
 
     def silence(self) -> None:
         """Publish zero torques, and forget the references."""
         if self._on:
-            message = JointState(name=list(self._on), effort=[0.0] * len(self._on))
-            message.header.stamp = self._node.get_clock().now().to_msg()
-            self._publisher.publish(message)
+            self._publish(dict.fromkeys(self._on, 0.0))
         self._on = ()
         self._heard.clear()
 
-    def _torque(self, joint: WatchedJoint | None, now: float) -> float:
+    def _publish(self, torques: Mapping[str, float]) -> None:
+        message = JointState(name=list(torques), effort=list(torques.values()))
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(message)
+
+    def _torque(self, joint: WatchedJoint | None, found: Findings | None, now: float) -> float:
         """Torque in the units of the joint's effort."""
-        if joint is None or joint.trouble:
+        if joint is None or joint.trouble or found is None:
             return 0.0
-        heard, friction = self._heard.get(joint.name), self._known.get(joint.name)
+        heard, friction = self._heard.get(joint.name), _known_well(joint, found.assessment)
         if heard is None or friction is None or now - heard.when > _SILENT:
             return 0.0
         return feedforward(joint.settings.feedforward, friction, heard.velocity) / joint.settings.effort_scale

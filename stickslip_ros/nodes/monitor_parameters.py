@@ -5,13 +5,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.validate_full_topic_name import validate_full_topic_name
 from rclpy.validate_namespace import validate_namespace
 from rclpy.validate_node_name import validate_node_name
@@ -20,7 +18,7 @@ from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.messages.gain_layouts import why_not_taken
 from stickslip_ros.messages.gain_parameters import joint_and_kind
 from stickslip_ros.model._validation import require_positive
-from stickslip_ros.nodes.joints.joint_parameters import declare_specs
+from stickslip_ros.nodes.joints.joint_parameters import Changes, declare_specs, value_of
 from stickslip_ros.nodes.state.state_file import default_path
 from stickslip_ros.settings.parameter_file import Parameters
 from stickslip_ros.settings.parameter_names import EVERY_JOINT, joint_of
@@ -28,58 +26,12 @@ from stickslip_ros.settings.parameter_table import COMMON, OF_THE_NODE
 from stickslip_ros.visible import visible
 
 _LONGEST_SERVICE = "set_parameters_atomically"  # longest name of a service that is requested of another node
-Changes = Mapping[str, Parameter]
 _JOINT_NAME = re.compile(r"[^\s,.]{1,128}")  # dots separate the words of parameter names
-
-
-def other_nodes(node: Node, parameter: str, given: object) -> list[str]:
-    """Fully qualified names in a parameter that holds one name or a list; "" is none.
-
-    Raises
-    ------
-    InvalidParameterError
-        If the parameter holds something else, a name that no node can have, or a name twice.
-    """
-    # An empty list in a parameter file has no type, and comes as None.
-    words = [given] if isinstance(given, str) else [] if given is None else given
-    if not isinstance(words, Sequence) or not all(isinstance(word, str) for word in words):
-        raise InvalidParameterError(parameter, "the name of a node, or a list of names", given)
-    names = []
-    for word in (word.strip() for word in words):
-        name = word if word.startswith("/") or not word else f"{node.get_namespace().rstrip('/')}/{word}"
-        if name:
-            _check(parameter, word, name)
-            if name == node.get_fully_qualified_name():
-                # A ramp would write the monitor's own parameters, and read them back as the gains in force.
-                raise InvalidParameterError(parameter, "the name of another node", word)
-            names.append(name)
-    if len(set(names)) < len(names):
-        raise InvalidParameterError(parameter, "names of different nodes", list(words))
-    return names
-
-
-def _check(parameter: str, word: str, name: str) -> None:
-    space, _, own = name.rpartition("/")
-    try:
-        validate_namespace(space or "/")
-        validate_node_name(own)
-        validate_full_topic_name(f"{name}/{_LONGEST_SERVICE}", is_service=True)
-    except NameValidationException as error:
-        why = str(error).splitlines()[0].rstrip(":")
-        why = why[:1].lower() + why[1:]
-        raise InvalidParameterError(parameter, f"a name that a node can have ({why})", f"{word[:80]!r}") from error
-    except TypeError as error:
-        # rclpy refuses a text that is no UTF-8.
-        raise InvalidParameterError(parameter, "a name that a node can have", ascii(word[:80])) from error
 
 
 def declare(node: Node) -> None:
     """Declare the parameters that concern no single joint."""
     declare_specs(node, (*OF_THE_NODE, *COMMON))
-
-
-def _value(node: Node, name: str, changes: Changes | None) -> Any:
-    return changes[name].value if changes and name in changes else node.get_parameter(name).value
 
 
 def check(node: Node, changes: Changes | None = None) -> None:
@@ -93,7 +45,7 @@ def check(node: Node, changes: Changes | None = None) -> None:
     joint_names(node)
     _check_what_is_given(node, changes)
     require_positive("publish_rate", float(node.get_parameter("publish_rate").value))
-    require_positive("apply_rate", float(_value(node, "apply_rate", changes)))
+    require_positive("apply_rate", float(value_of(node, "apply_rate", changes)))
     controllers(node, changes)
 
 
@@ -124,9 +76,41 @@ def controllers(node: Node, changes: Changes | None = None) -> list[str]:
     Raises
     ------
     InvalidParameterError
-        If the value is neither, or no node can have the name.
+        If the value is neither, no node can have the name, or a name occurs twice.
     """
-    return other_nodes(node, "controller", _value(node, "controller", changes))
+    given = value_of(node, "controller", changes)
+    # An empty list in a parameter file has no type, and comes as None.
+    words = [given] if isinstance(given, str) else [] if given is None else given
+    if not isinstance(words, Sequence) or not all(isinstance(word, str) for word in words):
+        raise InvalidParameterError("controller", "the name of a node, or a list of names", given)
+    names = []
+    for word in (word.strip() for word in words):
+        name = word if word.startswith("/") or not word else f"{node.get_namespace().rstrip('/')}/{word}"
+        if name:
+            _check_name(word, name)
+            if name == node.get_fully_qualified_name():
+                # A ramp would write the monitor's own parameters, and read them back as the gains in force.
+                raise InvalidParameterError("controller", "the name of another node", word)
+            names.append(name)
+    if len(set(names)) < len(names):
+        raise InvalidParameterError("controller", "names of different nodes", list(words))
+    return names
+
+
+def _check_name(word: str, name: str) -> None:
+    """Check that a node can have the name that was given as a word."""
+    space, _, own = name.rpartition("/")
+    try:
+        validate_namespace(space or "/")
+        validate_node_name(own)
+        validate_full_topic_name(f"{name}/{_LONGEST_SERVICE}", is_service=True)
+    except NameValidationException as error:
+        why = str(error).splitlines()[0].rstrip(":")
+        why = why[:1].lower() + why[1:]
+        raise InvalidParameterError("controller", f"a name that a node can have ({why})", f"{word[:80]!r}") from error
+    except TypeError as error:
+        # rclpy refuses a text that is no UTF-8.
+        raise InvalidParameterError("controller", "a name that a node can have", ascii(word[:80])) from error
 
 
 def joint_names(node: Node) -> tuple[str, ...]:
@@ -155,7 +139,7 @@ def _can_be_a_name(name: str) -> bool:
 
 def _check_what_is_given(node: Node, changes: Changes | None) -> None:
     """Check the values for every joint, and for joints that are not heard of yet: errors are reported now."""
-    given = {spec.name: _value(node, spec.name, changes) for spec in COMMON}
+    given = {spec.name: value_of(node, spec.name, changes) for spec in COMMON}
     # A managed node that waits to be configured stays, and reports errors of its joints at configuring.
     if changes is None and node.get_parameter("autostart").value:
         given = {name: value.value for name, value in node._parameter_overrides.items() if joint_of(name)} | given

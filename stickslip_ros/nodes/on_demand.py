@@ -18,7 +18,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import CompressedImage
 
 from stickslip_ros.monitoring.advice.compensations import CompensatedGains, CompensationQuestion, compensation_advice
-from stickslip_ros.nodes.conversion import diagnostic_status
+from stickslip_ros.nodes.conversion import diagnostic_array_bytes, status_bytes
 from stickslip_ros.nodes.joints.watched_joints import WORTH_CHANGING
 from stickslip_ros.nodes.publications import Findings, quiet_publisher
 from stickslip_ros.nodes.worker.process import Background, SlowWork
@@ -43,8 +43,9 @@ class WhileListened(Generic[Question, Answer]):
     ----------
     kind : name of the kind. answer : answers a question; a function of a module, which another process can import.
     question : makes a question of a joint's name and findings, None where there is none.
-    similar : whether two questions have answers that nobody can distinguish.
-    message : makes a message of a joint's name, a question and its answer.
+    numbers : values of a question that may differ a little between questions of one answer, and what may not differ.
+    change : largest relative difference of such a value [1].
+    message : makes a message of a joint's name, a question and its answer, or its bytes.
     """
 
     def __init__(
@@ -57,14 +58,14 @@ class WhileListened(Generic[Question, Answer]):
         kind: str,
         answer: Callable[[Question], Answer],
         question: Callable[[str, Findings], Question | None],
-        similar: Callable[[Question, Question], bool],
+        numbers: Callable[[Question], tuple[list[float], object]],
+        change: float,
         message: Callable[[str, Question, Answer], Any],
     ) -> None:
         self._node = node
-        self._question, self._similar, self._message = question, similar, message
+        self._question, self._numbers, self._change, self._message = question, numbers, change, message
         self._publisher = quiet_publisher(node, message_type, topic, _LATCHED)
         self._answers: Background[Question, Answer] = Background(work, kind, answer)
-        self._requested_at: dict[str, float] = {}
         self._shown: dict[str, Question] = {}
         self._requested = ""  # the joint whose question is under way
         self._listeners = 0
@@ -91,8 +92,8 @@ class WhileListened(Generic[Question, Answer]):
         for name, one in joints.items():
             question = self._due(name, one, now)
             if question is not None:
-                self._answers.submit(name, question)
-                self._requested_at[name], self._requested = now, name
+                self._answers.submit(name, question, now)
+                self._requested = name
                 return
 
     def _due(self, name: str, one: Findings, now: float) -> Question | None:
@@ -100,10 +101,16 @@ class WhileListened(Generic[Question, Answer]):
         known = self._answers.latest(name)
         if known is None and one.assessment.finding.status not in WORTH_CHANGING:
             return None
-        if one.silent_for is not None or now - self._requested_at.get(name, -math.inf) < _REQUEST_EVERY:
+        if one.silent_for is not None or self._answers.age(name, now) < _REQUEST_EVERY:
             return None
         question = self._question(name, one)
         return None if known is not None and question is not None and self._similar(known[0], question) else question
+
+    def _similar(self, one: Question, other: Question) -> bool:
+        (numbers, fixed), (others, others_fixed) = self._numbers(one), self._numbers(other)
+        return fixed == others_fixed and all(
+            math.isclose(first, second, rel_tol=self._change) for first, second in zip(numbers, others, strict=True)
+        )
 
 
 def stability_maps(node: LifecycleNode, work: SlowWork) -> WhileListened[MapSubject, bytes]:
@@ -117,7 +124,8 @@ def stability_maps(node: LifecycleNode, work: SlowWork) -> WhileListened[MapSubj
 
     return WhileListened(
         node, work, "~/stability_map", CompressedImage,
-        kind="stability map", answer=picture, question=_subject, similar=_similar_maps, message=message,
+        kind="stability map", answer=picture, question=_subject, numbers=_map_numbers, change=_MAP_CHANGE,
+        message=message,
     )  # fmt: skip
 
 
@@ -125,19 +133,14 @@ def _subject(name: str, one: Findings) -> MapSubject | None:
     return subject_of(name, one.assessment, one.assessment.velocity)
 
 
-def _similar_maps(one: MapSubject, other: MapSubject) -> bool:
-    """Whether nobody can distinguish the two maps."""
-    if (one.advised is None) != (other.advised is None) or one.per_inertia != other.per_inertia:
-        return False
-    if one.joint.friction.law != other.joint.friction.law:
-        return False
-    return _all_close(_map_numbers(one), _map_numbers(other), _MAP_CHANGE)
-
-
-def _map_numbers(subject: MapSubject) -> list[float]:
+def _map_numbers(subject: MapSubject) -> tuple[list[float], object]:
     gains = [each for each in (subject.gains, subject.advised) if each is not None]
-    numbers = [abs(subject.velocity), *subject.joint.numbers.values()]
-    return [*map(float, numbers), *(float(value) for each in gains for value in astuple(each))]
+    numbers = [
+        abs(subject.velocity),
+        *subject.joint.numbers.values(),
+        *(value for each in gains for value in astuple(each)),
+    ]
+    return [*map(float, numbers)], (subject.advised is None, subject.per_inertia, subject.joint.friction.law)
 
 
 def recommended_compensation(
@@ -145,15 +148,14 @@ def recommended_compensation(
 ) -> WhileListened[CompensationQuestion, tuple[CompensatedGains, ...]]:
     """Topic of what friction compensation buys beside the advised gains; ``robot`` precedes the joints' names."""
 
-    def message(name: str, question: CompensationQuestion, found: tuple[CompensatedGains, ...]) -> DiagnosticArray:
-        array = DiagnosticArray(status=[diagnostic_status(compensation_diagnosis(name, question, found), robot)])
-        array.header.stamp = node.get_clock().now().to_msg()
-        return array
+    def message(name: str, question: CompensationQuestion, found: tuple[CompensatedGains, ...]) -> bytes:
+        status = status_bytes(compensation_diagnosis(name, question, found), robot)
+        return diagnostic_array_bytes(node.get_clock().now().to_msg(), [status])
 
     return WhileListened(
         node, work, "~/recommended_compensation", DiagnosticArray,
         kind="compensation", answer=compensation_advice, question=_compensation_question,
-        similar=_similar_compensations, message=message,
+        numbers=_compensation_numbers, change=_COMPENSATION_CHANGE, message=message,
     )  # fmt: skip
 
 
@@ -161,17 +163,6 @@ def _compensation_question(_: str, one: Findings) -> CompensationQuestion | None
     return compensation_question(one.assessment, one.assessment.velocity, one.conditions)
 
 
-def _similar_compensations(one: CompensationQuestion, other: CompensationQuestion) -> bool:
-    """Whether both questions have the same answer, as it is rounded."""
-    if (one.joint.friction.law, one.conditions) != (other.joint.friction.law, other.conditions):
-        return False
-    return _all_close(_compensation_numbers(one), _compensation_numbers(other), _COMPENSATION_CHANGE)
-
-
-def _compensation_numbers(question: CompensationQuestion) -> list[float]:
-    gains = (float(value) for value in astuple(question.gains))
-    return [question.velocity, *map(float, question.joint.numbers.values()), *gains]
-
-
-def _all_close(one: list[float], other: list[float], tolerance: float) -> bool:
-    return all(math.isclose(first, second, rel_tol=tolerance) for first, second in zip(one, other, strict=True))
+def _compensation_numbers(question: CompensationQuestion) -> tuple[list[float], object]:
+    numbers = [question.velocity, *question.joint.numbers.values(), *astuple(question.gains)]
+    return [*map(float, numbers)], (question.joint.friction.law, question.conditions)

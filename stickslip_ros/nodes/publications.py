@@ -231,7 +231,10 @@ class Publications:
                 rows.extend(self._rows[name])
             self._margins.publish(table(list(joints), MARGIN_FIELDS, rows))
         if _has_listeners(self._recommended):
-            self._publish_advice({name: one.advised for name, one in joints.items() if one.advised is not None})
+            advised = {name: one.advised for name, one in joints.items() if one.advised is not None}
+            if advised:
+                values = [float(value) for gains in advised.values() for value in (gains.stiffness, gains.damping)]
+                self._recommended.publish(table(list(advised), ("p", "d"), values))
 
     def _publish_diagnoses(self, topic: LifecyclePublisher, diagnoses: Iterable[Diagnosis]) -> None:
         statuses = [status_bytes(one, self.robot) for one in diagnoses]
@@ -239,11 +242,6 @@ class Publications:
 
     def _now(self) -> Time:
         return self._clock.now().to_msg()
-
-    def _publish_advice(self, advised: Mapping[str, Gains]) -> None:
-        if advised:
-            values = [float(value) for gains in advised.values() for value in (gains.stiffness, gains.damping)]
-            self._recommended.publish(table(list(advised), ("p", "d"), values))
 
 
 def _has_listeners(publisher: LifecyclePublisher) -> bool:

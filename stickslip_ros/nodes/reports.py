@@ -5,13 +5,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 
 from rclpy.lifecycle import LifecycleNode
 
 from stickslip_ros.monitoring.exact_question import NOT_COMPUTED, as_seen
-from stickslip_ros.nodes.friction_feedforward import FrictionFeedforward
 from stickslip_ros.nodes.gains.ramps import Ramps
 from stickslip_ros.nodes.intake.inputs import Inputs
 from stickslip_ros.nodes.joints import joint_parameters
@@ -28,24 +27,8 @@ _STALE_AFTER = 1.0  # time without a sample, s: a joint that has been silent for
 _SCAN_ALL = 0.2  # time between two scans of all joints for changes, s: a person notices no later report
 
 
-@dataclass(frozen=True, kw_only=True)
-class Turn:
-    """Names of joints in one publication.
-
-    Attributes
-    ----------
-    processed : joints that were processed since the last one. reported : joints that are due.
-    assessed : those among them that were assessed anew. later : those that are still to be published.
-    """
-
-    processed: list[str]
-    reported: list[str]
-    assessed: list[str]
-    later: list[str]
-
-
 class Reports:
-    """Reports on the watched joints; :meth:`publish_changes` comes first, then :meth:`publish_rest`."""
+    """Reports on the watched joints; ``findings`` has those on each, as assessed last."""
 
     def __init__(
         self,
@@ -57,12 +40,11 @@ class Reports:
         work: SlowWork,
         inputs: Inputs,
         ramps: Ramps,
-        feedforward: FrictionFeedforward,
         publications: Publications,
     ) -> None:
         self._node, self._own_change, self._joints, self._processing = node, own_change, joints, processing
         self._work, self._exact, self._inputs, self._ramps = work, ExactWorker(work), inputs, ramps
-        self._feedforward, self._publications = feedforward, publications
+        self._publications = publications
         self._on_demand = (
             stability_maps(node, work),
             recommended_compensation(node, work, publications.robot),
@@ -70,15 +52,17 @@ class Reports:
         self._round_robin = RoundRobin()
         self._scan_at = -math.inf
         self._change_tokens: dict[str, tuple[object, ...]] = {}
-        self._findings: dict[str, Findings] = {}
+        self.findings: dict[str, Findings] = {}
 
     def close(self) -> None:
         """Take the topics that are published while somebody listens from the graph."""
         for topic in self._on_demand:
             topic.close()
 
-    def publish_changes(self, own: Diagnosis, now: float, period: float) -> Turn:
-        """Publish the node's own status, and those of joints with changes, which do not wait for many others in turn.
+    def publish(self, own: Diagnosis, now: float, period: float, published: Callable[[], None]) -> None:
+        """Publish the node's own status, those of the joints and the tables; begin the studies that are due.
+
+        Joints with changes do not wait for many others in turn: ``published`` is called between the two.
 
         Parameters
         ----------
@@ -90,28 +74,24 @@ class Reports:
         assessed = [name for name in reported if name not in later]
         self._assess(assessed, now)
         self._publish_statuses(own, assessed, assessed)
-        return Turn(processed=processed, reported=reported, assessed=assessed, later=later)
-
-    def publish_rest(self, turn: Turn, now: float, period: float) -> None:
-        """Publish the joints in turn, and the tables; begin the studies that are due."""
-        assessed = turn.assessed
-        if turn.later:
-            again = self._processing.may_wait(turn.later, period)
-            assessed_later = [name for name in turn.later if name not in again or name not in self._findings]
+        published()
+        if later:
+            again = self._processing.may_wait(later, period)
+            assessed_later = [name for name in later if name not in again or name not in self.findings]
             self._assess(assessed_later, now)
-            self._publish_statuses(None, turn.later, assessed_later)
+            self._publish_statuses(None, later, assessed_later)
             assessed = assessed + assessed_later
-        self._publications.publish_tables(self._findings, turn.reported)
+        self._publications.publish_tables(self.findings, reported)
         for topic in self._on_demand:
-            topic.attend(self._findings, now)
-        advised = {name: self._findings[name].advised for name in assessed if name in self._findings}
+            topic.attend(self.findings, now)
+        advised = {name: self.findings[name].advised for name in assessed if name in self.findings}
         with self._own_change:
             joint_parameters.set_recommended(self._node, advised)
         ended = self._processing.pop_cycles()
-        for name in dict.fromkeys([*turn.processed, *turn.reported]):
+        for name in dict.fromkeys([*processed, *reported]):
             attend_study(self._work, name, self._joints[name].monitor.learner)
         for name in assessed:
-            if name in self._findings and self._findings[name].silent_for is not None:
+            if name in self.findings and self.findings[name].silent_for is not None:
                 ended += [(name, cycle) for cycle in self._joints[name].monitor.finish()]
         self._publications.publish_cycles(ended)
 
@@ -119,14 +99,14 @@ class Reports:
         for name in names:
             self._processing.process_pending(name, now)
             try:
-                self._findings[name] = self._findings_of(self._joints[name], now)
+                self.findings[name] = self._findings_of(self._joints[name], now)
             except Exception:
-                self._findings.pop(name, None)
+                self.findings.pop(name, None)
                 self._processing.restart_after_error(self._joints[name])
 
     def _publish_statuses(self, own: Diagnosis | None, reported: Iterable[str], assessed: Iterable[str]) -> None:
         warn_margin = float(self._node.get_parameter("warn_margin").value)
-        self._publications.publish_statuses(own, self._findings, reported, assessed, warn_margin=warn_margin)
+        self._publications.publish_statuses(own, self.findings, reported, assessed, warn_margin=warn_margin)
 
     def _scan_for_changes(self, now: float) -> list[str]:
         """Joints that were processed since the last scan; their change tokens are updated.
@@ -152,7 +132,6 @@ class Reports:
 
     def _findings_of(self, joint: WatchedJoint, now: float) -> Findings:
         assessment = joint.monitor.assessment()
-        self._feedforward.update(joint, assessment)
         silence = now - joint.heard
         trial = assessment.trial if assessment.gains_known else None
         conditions = joint.settings.options.conditions

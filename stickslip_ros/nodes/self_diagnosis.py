@@ -114,9 +114,8 @@ class SelfDiagnosis:
 
     def __init__(self, states: JointStateTopic, work: SlowWork, joints: Sized) -> None:
         self._states, self._work, self._joints = states, work, joints
-        self._meters: deque[Meters] = deque()
+        self._readings: deque[tuple[Meters, float, int]] = deque()  # processor time, the worker's too [s], messages
         self._notes: deque[tuple[float, float, int]] = deque()  # time [s], latency [s], messages waiting
-        self._counts: deque[tuple[float, float, int]] = deque()  # time [s], processor time [s], messages
         self._memory: list[float] = [math.nan]  # of this process and its worker [MB]
         self._lost_at, self._lost, self._skipped = -math.inf, 0, 0
 
@@ -130,23 +129,17 @@ class SelfDiagnosis:
         self._notes.append((now, latency, self._states.waiting))
         while len(self._notes) > 2 and now - self._notes[1][0] >= _OVER:
             self._notes.popleft()
-        if not self._meters or now - self._meters[-1].steady >= _METERED_EVERY:
-            self._meters.append(Meters.read())
-            cpu = time.process_time() + sum(_processor_time(pid) for pid in self._work.process_ids)
-            self._counts.append((now, cpu, self._states.messages))
+        if not self._readings or now - self._readings[-1][0].steady >= _METERED_EVERY:
+            meters = Meters.read()
+            used = meters.used + sum(_processor_time(pid) for pid in self._work.process_ids)
+            self._readings.append((meters, used, self._states.messages))
             self._memory = [_resident_memory(pid) for pid in (os.getpid(), *self._work.process_ids)]
-            while len(self._meters) > 2 and now - self._meters[1].steady >= _OVER:
-                self._meters.popleft()
-                self._counts.popleft()
+            while len(self._readings) > 2 and now - self._readings[1][0].steady >= _OVER:
+                self._readings.popleft()
         if self._states.lost > self._lost or self._work.skipped > self._skipped:
             self._lost_at = now
         self._lost, self._skipped = self._states.lost, self._work.skipped
         self._states.reset_figures()
-
-    @property
-    def latency(self) -> float:
-        """Time from the arrival of the oldest message to the last status [s]; NaN if there was none."""
-        return self._notes[-1][1] if self._notes else math.nan
 
     @property
     def trouble(self) -> str:
@@ -157,7 +150,7 @@ class SelfDiagnosis:
         if late:
             load, cores = machine()
             return why_late(
-                self._meters[0],
+                self._readings[0][0],
                 Meters.read(),
                 late=max(late),
                 delays=len(late),
@@ -172,15 +165,16 @@ class SelfDiagnosis:
     def values(self) -> Sequence[tuple[str, float]]:
         """The figures, each under a key with its unit."""
         rate = processor = math.nan
-        if len(self._counts) > 1:
-            (began, cpu, messages), (now, cpu_now, messages_now) = self._counts[0], self._counts[-1]
-            rate, processor = (messages_now - messages) / (now - began), 100.0 * (cpu_now - cpu) / (now - began)
+        if len(self._readings) > 1:
+            (begin, used, messages), (end, used_now, messages_now) = self._readings[0], self._readings[-1]
+            duration = end.steady - begin.steady
+            rate, processor = (messages_now - messages) / duration, 100.0 * (used_now - used) / duration
         return [
             ("messages received [1]", self._states.messages),
             ("message rate [Hz]", rate),
             ("messages lost [1]", self._states.lost),
             ("publishers of joint_states [1]", self._states.publishers),
-            ("latency from message to status [s]", self.latency),
+            ("latency from message to status [s]", self._notes[-1][1] if self._notes else math.nan),
             ("messages waiting [1]", max((waiting for _, _, waiting in self._notes), default=0)),
             ("questions under way [1]", self._work.waiting),
             ("oldest question [s]", self._work.lateness),

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from operator import attrgetter
 from pathlib import Path
 from time import monotonic
@@ -21,9 +22,8 @@ from stickslip_ros.nodes.friction_feedforward import FrictionFeedforward
 from stickslip_ros.nodes.gains.gain_intake import GainIntake
 from stickslip_ros.nodes.gains.ramp_journal import RampJournal
 from stickslip_ros.nodes.gains.ramps import Ramps
-from stickslip_ros.nodes.intake.arrivals import Arrivals
+from stickslip_ros.nodes.intake.arrivals import Arrivals, reference_message_type
 from stickslip_ros.nodes.intake.inputs import Inputs
-from stickslip_ros.nodes.intake.reference_topic import reference_message_type
 from stickslip_ros.nodes.intake.refusals import Refusals
 from stickslip_ros.nodes.joints.joint_parameters import OwnChange
 from stickslip_ros.nodes.joints.scheduling import BatchProcessing
@@ -74,7 +74,9 @@ class Session:
         self._arrivals: Arrivals | None = None
         self._self: SelfDiagnosis | None = None
         self._compiled = CompiledParts(log)
-        self._closing: list[Callable[[], object]] = [self._work.close, self._compiled.close]
+        self._closing = ExitStack()
+        self._closing.callback(self._work.close)
+        self._closing.callback(self._compiled.close)
         try:
             # A type that is not installed is refused now, rather than when the node is activated.
             reference_message_type(self._reference_type)
@@ -82,24 +84,23 @@ class Session:
             self.joints = WatchedJoints(node, names, bounds, own_change, adviser, self._refuse)
             self._processing = BatchProcessing(self.joints, self._refuse, log)
             self._gains = GainIntake(node, self.joints, self._refuse)
-            self._closing.append(self._gains.close)
+            self._closing.callback(self._gains.close)
             self._publications = Publications(node)
-            self._closing.append(self._publications.close)
+            self._closing.callback(self._publications.close)
             self._feedforward = FrictionFeedforward(node)
-            self._closing.append(self._feedforward.close)
+            self._closing.callback(self._feedforward.close)
             self._others = OtherMonitors(node, self.joints)
-            self._closing.append(self._others.close)
+            self._closing.callback(self._others.close)
             self._ramps = Ramps(node, self.joints, self._gains, self._others, journal)
-            self._closing.append(self._ramps.close)
+            self._closing.callback(self._ramps.close)
             self._inputs = Inputs(node, self.joints, self._gains, self._reference_type)
             self._reports = Reports(
                 node, own_change, self.joints, self._processing,
-                work=self._work, inputs=self._inputs, ramps=self._ramps, feedforward=self._feedforward,
-                publications=self._publications,
+                work=self._work, inputs=self._inputs, ramps=self._ramps, publications=self._publications,
             )  # fmt: skip
-            self._closing.append(self._reports.close)
+            self._closing.callback(self._reports.close)
             reset = node.create_service(Trigger, "~/reset", self._reset)
-            self._closing.append(lambda: node.destroy_service(reset))
+            self._closing.callback(node.destroy_service, reset)
             self._follow_controllers()
         except BaseException:
             self.close()
@@ -143,8 +144,7 @@ class Session:
 
     def close(self) -> None:
         """Give everything back."""
-        while self._closing:
-            self._closing.pop()()
+        self._closing.close()
 
     def tick(self) -> float:
         """Process the messages that have arrived, and publish what is due; returns the time until the next tick [s]."""
@@ -164,7 +164,7 @@ class Session:
         behind = not self._compiled.ready or arrivals.behind(now)
         waits = self._compiled.state or "what came while the node compiled is being looked at"
         self._ramps.tick(now, not_yet=waits if behind else "")
-        self._feedforward.tick(self.joints, now)
+        self._feedforward.tick(self.joints, self._reports.findings, now)
         self._keeper.tick(self.joints, now)
         if due:
             self._publish(own, now, behind=behind)
@@ -212,9 +212,7 @@ class Session:
             self._publications.publish_waiting(self._own_status(own), self.joints, self._compiled.state)
             return
         period = self._pace.publish_period
-        turn = self._reports.publish_changes(self._own_status(own), now, period)
-        own.note(behind=behind)
-        self._reports.publish_rest(turn, now, period)
+        self._reports.publish(self._own_status(own), now, period, lambda: own.note(behind=behind))
 
     def _own_status(self, own: SelfDiagnosis) -> Diagnosis:
         """Status of the node itself: what it refused, where its gains come from, and how it keeps up."""

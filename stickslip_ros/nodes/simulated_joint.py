@@ -28,8 +28,8 @@ from stickslip_ros.nodes.conversion import stamp
 from stickslip_ros.nodes.parameter_answers import follow_by, refuse_by
 from stickslip_ros.nodes.running import run
 from stickslip_ros.settings.known_joints import KnownJoint, load_joint
+from stickslip_ros.settings.parameter_table import GAINS
 
-_GAIN_FIELDS = {"p": "stiffness", "i": "integral", "d": "damping"}
 _PROFILES = ("hold", "move", "reverse")
 _COMMANDS = ("reference", "effort")
 _COMPENSATED = {"feedforward": "at the reference's speed", "feedback": "at the measured speed", "push": "by the error"}
@@ -176,7 +176,7 @@ class SimulatedJoint(Node):
         if not self._has_controllers:
             return
         for name, simulation in self._simulations.items():
-            for key, field in _GAIN_FIELDS.items():
+            for key, field in GAINS.items():
                 value = float(self._value(f"gains.{name}.{key}"))
                 if getattr(simulation.gains, field) != value:
                     simulation.gains = replace(simulation.gains, **{field: value})

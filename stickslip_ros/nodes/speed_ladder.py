@@ -8,19 +8,18 @@ import math
 from collections.abc import Callable
 from time import monotonic
 
+import numpy as np
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import JointState
 
 from stickslip_ros.errors import InvalidParameterError
-from stickslip_ros.messages.content import MessageError, joint_rows, seconds
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.reference_pairing import ReferencePairing
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.nodes.gains.gain_intake import ControllerGains
-from stickslip_ros.nodes.intake.drain import DrainedSubscription
+from stickslip_ros.nodes.intake.joint_state_topic import JointStateTopic
 from stickslip_ros.nodes.intake.refusals import Refusals
 from stickslip_ros.nodes.running import turn
 from stickslip_ros.nodes.trajectory_controller import LARGEST_LAG, ExperimentError, Step, TrajectoryController
@@ -76,11 +75,10 @@ class LadderNode(Node):
         self._positions: dict[str, float] = {}
         self._stamp = math.nan
         incoming = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=_QUEUE, reliability=ReliabilityPolicy.BEST_EFFORT)
-        self._states = DrainedSubscription(self, JointState, "joint_states", incoming)
-        self._references = DrainedSubscription(self, JointState, "joint_references", incoming)
-        self._controller_gains = ControllerGains(
-            self, simulated or controller, self._on_gains, [joint], Refusals(self.get_logger().warning)
-        )
+        refuse = Refusals(self.get_logger().warning)
+        self._states = JointStateTopic(self, "joint_states", incoming, refuse)
+        self._references = JointStateTopic(self, "joint_references", incoming, refuse)
+        self._controller_gains = ControllerGains(self, simulated or controller, self._on_gains, [joint], refuse)
         self._client = AsyncParameterClient(self, simulated) if simulated else None
         self._controller = TrajectoryController(self, controller, joint, largest_lag) if controller else None
 
@@ -140,26 +138,20 @@ class LadderNode(Node):
         self._controller_gains.poll(monotonic())
         if self._controller is not None:
             self._controller.poll(monotonic())
-        for message, _ in self._states.take_all():
-            rows = self._rows(message)
-            self._positions |= {name: row[0] for name, row in rows.items() if math.isfinite(row[0])}
-            if self._joint in rows:
-                self._stamp = seconds(message.header.stamp)
-                self._pairing.add_sample(self._stamp, *rows[self._joint])
-        for message, _ in self._references.take_all():
-            row = self._rows(message).get(self._joint)
-            if row is not None:
-                self._pairing.add_reference(seconds(message.header.stamp), row[0], row[1])
+        states = self._states.samples_until(math.inf)
+        for name, rows in states.items():
+            known = rows[np.isfinite(rows[:, 1]), 1]
+            if len(known):
+                self._positions[name] = float(known[-1])
+        if self._joint in states:
+            self._stamp = float(states[self._joint][-1, 0])
+            self._pairing.add_samples(states[self._joint])
+        references = self._references.samples_until(math.inf)
+        if self._joint in references:
+            self._pairing.add_references(references[self._joint][:, :3])
         batch = self._pairing.next_batch()
         if batch is not None:
             self._batches.append(batch)
-
-    def _rows(self, message: JointState) -> dict[str, tuple[float, float, float]]:
-        """Rows of a message by joint; none if it cannot be read."""
-        try:
-            return joint_rows(message)
-        except MessageError:
-            return {}
 
     def _climb(self, steps: list[Step], report: Callable[[float, str], None]) -> Batch:
         self._batches.clear()

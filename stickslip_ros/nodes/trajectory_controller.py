@@ -212,7 +212,3 @@ class TrajectoryController:
         own = message.name == logger or message.name.startswith(f"{logger}.")
         if self._path is not None and own and message.level >= _ERROR:
             self._complaints.append(message.msg.strip())
-
-    def close(self) -> None:
-        """Drop every request."""
-        self._parameters.close()

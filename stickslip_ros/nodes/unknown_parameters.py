@@ -49,6 +49,7 @@ class UnknownParameters:
             text for option, path in _given(given) if option == _FILE for text in _repeated_in(Path(path))
         ]
         self._logged: set[str] = set()
+        self._unheard: set[str] = set()  # joints of unknown parameters, "" for none
         self._began = math.nan
         self._seen: object = None
         self.texts: list[str] = []
@@ -71,19 +72,12 @@ class UnknownParameters:
         unknown = [one for one in self._unknown(joints, where) if not (waiting and one.joint)]
         self.texts = [*self._in_files, *(one.text for one in unknown)]
         for text in self.texts:
-            self._log_once(text, text)
-        for joint in sorted({one for one in self._waited_for() if one in joints}):
-            self._logged.discard(f"joint {joint}")
+            if text not in self._logged:
+                self._logged.add(text)
+                self._node.get_logger().warning(text)
+        for joint in sorted(self._unheard.intersection(joints)):
             self._node.get_logger().info(f"the joint {joint!r} is heard now, and its parameters count")
-        self._logged |= {f"joint {one.joint}" for one in unknown if one.joint}
-
-    def _log_once(self, key: str, text: str) -> None:
-        if key not in self._logged:
-            self._logged.add(key)
-            self._node.get_logger().warning(text)
-
-    def _waited_for(self) -> list[str]:
-        return [key.partition(" ")[2] for key in self._logged if key.startswith("joint ")]
+        self._unheard = self._unheard.difference(joints) | {one.joint for one in unknown}
 
     def _unknown(self, joints: Collection[str], where: str) -> Iterator[UnknownName]:
         for name in sorted(self._node._parameter_overrides):

@@ -85,24 +85,6 @@ def test_a_recorded_joint(ros_domain: int, tmp_path: Path) -> None:
     assert picture.exists()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "text"),
-    [
-        (["--recording", "nothing"], "no recording begins with 'nothing': "),
-        (["--recording", "/no/such/file.csv"], "no such file"),
-        (["--out", "/no/such/folder/a.png"], "in a folder that exists"),
-        (["--out", "picture.bmp"], "must end in .png, .svg or .pdf"),
-    ],
-)
-def test_bad_arguments_are_one_line(arguments: list[str], text: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """Issue 2: what cannot be done is said in one line, with status 2."""
-    with pytest.raises(SystemExit, match=r"^2$"):
-        raise SystemExit(main(["demo", *arguments]))
-    said = capsys.readouterr().err
-    assert text in said
-    assert said.count("\n") == 1
-
-
 @pytest.mark.nightly
 def test_what_compensation_does(ros_domain: int, tmp_path: Path) -> None:
     """Issue 23: stick-slip that feed-forward does not cure, reversals that it does, and what too much feedback does."""

@@ -135,6 +135,77 @@ def test_every_bad_value_is_refused_in_a_sentence(
         assert list(tmp_path.iterdir()) == [], where
 
 
+_REVERSAL = f"reversal {_JOINT[0]} --stiffness 6300 --damping 200"
+_TURNS = f"{_REVERSAL} --amplitude 0.1 --frequency 1"
+
+
+@pytest.mark.parametrize(
+    ("command", "text"),
+    [
+        ("nonsense", "nonsense"),
+        ("margin --model puma560_joint1 --control-delay", "'--controller-period' must be > 0 where there is a control"),
+        ("margin --model nothing", "unknown joint 'nothing'; known joints: dynamixel_mx106, "),
+        ("margin --inertia 6.3", "missing: --stiffness, --velocity, --stribeck, --stribeck-velocity, or a --model"),
+        ("margin --model puma560_joint1 --velocity 1e300", "'--velocity' must be at most 10000 rad/s"),
+        ("margin --model puma560_joint1 --inertia -1", "'--inertia' must be finite and > 0: -1.0"),
+        ("margin --model puma560_joint1 --integral -5", "'--integral' must be finite and >= 0: -5.0"),
+        ("recommend --model puma560_joint1 --integral -5", "'--integral' must be finite and >= 0: -5.0"),
+        ("recommend --model puma560_joint1 --what-if x=1", "of the form 2000,30 or p=2000,d=30"),
+        ("recommend --model puma560_joint1 --what-if p=nan", "of finite gains"),
+        (
+            "recommend --model puma560_joint1 --largest-stiffness -1",
+            "'--least-stiffness' and '--largest-stiffness' must be",
+        ),
+        ("recommend --model puma560_joint1 --effort 0", "'--effort' must be"),
+        ("figures 7", "'figure' must be one of 1, 5, 6, 8, 9, 11, 12, 13, 14: 7"),
+        ("map --model puma560_joint1 --points 3", "'--points' must be >= 100: 3"),
+        ("map --stiffness 3", "missing: --inertia, --velocity, --stribeck, --stribeck-velocity, or a --model"),
+        ("identify", "one of RECORDING, --simulated NODE and --controller NODE"),
+        ("identify nothing.csv", "nothing.csv"),
+        ("identify --simulated /a --controller /b", "one of RECORDING"),
+        ("identify --simulated /a --speeds fast", "numbers separated by commas"),
+        ("identify --simulated /a --speeds -0.1", "finite and > 0"),
+        ("identify --controller /a", "'--speeds' must be given for an experiment"),
+        ("identify --simulated /a", "one or more"),
+        ("identify --simulated /a --speeds 0.1 --step-time nan", "'--step-time' must be"),
+        ("identify --simulated /a --speeds 0.1,0.3", "--largest-distance"),
+        ("identify slider_1100 --stiffness 168 --prior no_such_joint", "no_such_joint"),
+        ("demo --recording nothing", "no recording begins with 'nothing': "),
+        ("demo --recording /no/such/file.csv", "no such file"),
+        ("demo --out /no/such/folder/a.png", "in a folder that exists"),
+        ("demo --out picture.bmp", "must end in .png, .svg or .pdf"),
+        ("watch --seconds 0", "'--seconds' must be"),
+        (_REVERSAL, "missing: --amplitude, or a --trajectory"),
+        (f"{_REVERSAL} --amplitude 0.1", "missing: --frequency, or a --trajectory"),
+        (f"{_REVERSAL} --amplitude -0.1 --frequency 1", "'--amplitude' must be finite and > 0: -0.1"),
+        (f"{_REVERSAL} --amplitude 0.1 --frequency 1e-9", "'--frequency' must be >= "),
+        (f"{_REVERSAL} --amplitude 1e-6 --frequency 1e9", "'--frequency' must be <= "),
+        (f"{_TURNS} --trajectory x.csv", "'--amplitude' must be left out where there is a --traj"),
+        (f"{_TURNS} --contact lugre --presliding-stiffness 0", "'--presliding-stiffness' must be > 0"),
+        (f"{_TURNS} --stiffness 0", "'--stiffness' must be finite and > 0"),
+        (f"{_TURNS} --integral -10", "'--integral' must be finite and >= 0"),
+        (
+            f"{_REVERSAL} --trajectory x.csv --triangle",
+            "--triangle has no effect here: it needs --amplitude and --freq",
+        ),
+        (f"{_TURNS} --contact lugre", "--contact has no effect here: it needs a finite --presl"),
+        (f"{_TURNS} --presliding-damping 1", "--presliding-damping has no effect here"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_a_sentence(command: str, text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Issues 2, 3, 4, 5 and 23: exit status 2, the reason in one line on stderr, nothing on stdout."""
+    with pytest.raises(SystemExit, match=r"^2$"):
+        raise SystemExit(main(command.split()))
+    captured = capsys.readouterr()
+    # The demo says first on which domain it is.
+    assert captured.out == "" or command.startswith("demo")
+    *before, line = captured.err.strip().splitlines()
+    assert text in line
+    assert line.startswith("stickslip")
+    # What an experiment would do is said first.
+    assert len(before) == ("--largest-distance" in text)
+
+
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as temporary:
         made = _make_files(Path(temporary))

@@ -162,20 +162,3 @@ def test_map_without_an_operating_point(tmp_path: Path) -> None:
     assert main(["map", "--model", "puma560_joint1", "--velocity", "0", "--points", "100", "--out", str(out)]) == 0
     assert not any(row["curve"].startswith("now") for row in rows(out.with_suffix(".csv")))
     assert "no operating point" in out.with_suffix(".svg").read_text(encoding="utf-8")
-
-
-@pytest.mark.parametrize(
-    ("command", "text"),
-    [
-        ("figures 7", "'figure' must be one of 1, 5, 6, 8, 9, 11, 12, 13, 14: 7"),
-        ("map --model puma560_joint1 --points 3", "'--points' must be >= 100: 3"),
-        ("map --stiffness 3", "missing: --inertia, --velocity, --stribeck, --stribeck-velocity, or a --model"),
-    ],
-)
-def test_bad_input_is_one_line(capsys: pytest.CaptureFixture[str], command: str, text: str) -> None:
-    """Issue 3: exit status 2, the reason in one line on stderr."""
-    assert main(command.split()) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert text in captured.err
-    assert captured.err.count("\n") == 1

@@ -148,30 +148,6 @@ def test_motion_that_shows_nothing(tmp_path: Path, capsys: pytest.CaptureFixture
     assert "Friction could not be estimated" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        ([], "one of RECORDING, --simulated NODE and --controller NODE"),
-        (["nothing.csv"], "nothing.csv"),
-        (["--simulated", "/a", "--controller", "/b"], "one of RECORDING"),
-        (["--simulated", "/a", "--speeds", "fast"], "numbers separated by commas"),
-        (["--simulated", "/a", "--speeds", "-0.1"], "finite and > 0"),
-        (["--controller", "/a"], "'--speeds' must be given for an experiment"),
-        (["--simulated", "/a"], "one or more"),
-        (["--simulated", "/a", "--speeds", "0.1", "--step-time", "nan"], "'--step-time' must be"),
-        (["--simulated", "/a", "--speeds", "0.1,0.3"], "--largest-distance"),
-        (["slider_1100", "--stiffness", "nan"], "--stiffness"),
-        (["slider_1100", "--stiffness", "168", "--prior", "no_such_joint"], "no_such_joint"),
-    ],
-)
-def test_bad_usage_is_one_line(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """Issue 4, item 6: bad usage ends with status 2 and one line that names the value."""
-    assert main(["identify", *arguments]) == 2
-    lines = capsys.readouterr().err.strip().splitlines()
-    assert said in lines[-1]
-    assert lines[-1].startswith("stickslip: ")
-
-
 def test_a_plan_moves_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     """Issue 4, item 6: --plan says every step and needs no joint."""
     assert main(["identify", "--controller", "/none", "--speeds", "0.01,0.02", "--plan"]) == 0

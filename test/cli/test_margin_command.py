@@ -86,37 +86,6 @@ def test_beyond_the_paper(capsys: pytest.CaptureFixture[str]) -> None:
     assert hunting["exact"]["reason"] == "hunting"
 
 
-@pytest.mark.parametrize(
-    ("command", "text"),
-    [
-        ("margin --model puma560_joint1 --control-delay", "'--controller-period' must be > 0 where there is a control"),
-        ("margin --model nothing", "unknown joint 'nothing'; known joints: dynamixel_mx106, "),
-        ("margin --inertia 6.3", "missing: --stiffness, --velocity, --stribeck, --stribeck-velocity, or a --model"),
-        ("margin --model puma560_joint1 --velocity 1e300", "'--velocity' must be at most 10000 rad/s"),
-        ("margin --model puma560_joint1 --inertia -1", "'--inertia' must be finite and > 0: -1.0"),
-        ("margin --model puma560_joint1 --integral -5", "'--integral' must be finite and >= 0: -5.0"),
-        ("recommend --model puma560_joint1 --integral -5", "'--integral' must be finite and >= 0: -5.0"),
-        ("margin --model puma560_joint1 --velocity nan", "'--velocity' must be a finite number"),
-    ],
-)
-def test_bad_input_is_one_line_and_status_2(capsys: pytest.CaptureFixture[str], command: str, text: str) -> None:
-    """Issue 2: exit status 2, the reason in one line on stderr, nothing on stdout."""
-    assert main(command.split()) == 2
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert text in captured.err
-    assert captured.err.count("\n") == 1
-
-
-@pytest.mark.parametrize("command", ["margin --inertia heavy", "nonsense"])
-def test_bad_usage_is_one_line_and_status_2(capsys: pytest.CaptureFixture[str], command: str) -> None:
-    """Issue 2: bad usage too."""
-    with pytest.raises(SystemExit) as stop:
-        main(command.split())
-    assert stop.value.code == 2
-    assert capsys.readouterr().err.count("\n") == 1
-
-
 def test_for_people(capsys: pytest.CaptureFixture[str]) -> None:
     """Issue 2: without --json a verdict, numbers with units, and what would change it."""
     assert main(PAPER.replace(" --json", "").split()) == 0

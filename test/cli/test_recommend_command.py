@@ -121,24 +121,6 @@ def test_for_a_person(capsys: pytest.CaptureFixture[str]) -> None:
     assert "keep the gains" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    ("options", "text"),
-    [
-        (["--what-if", "x=1"], "of the form 2000,30 or p=2000,d=30"),
-        (["--what-if", "p=nan"], "of finite gains"),
-        (["--largest-stiffness", "-1"], "'--least-stiffness' and '--largest-stiffness' must be"),
-        (["--slowest-velocity", "-1"], "--slowest-velocity"),
-        (["--effort", "0"], "'--effort' must be"),
-    ],
-)
-def test_bad_options(capsys: pytest.CaptureFixture[str], options: list[str], text: str) -> None:
-    """Issue 5, item 2: what cannot be is refused in one line, with exit status 2."""
-    assert main([*PUMA, *options]) == 2
-    error = capsys.readouterr().err
-    assert text in error
-    assert len(error.strip().splitlines()) == 1
-
-
 @pytest.mark.slow
 def test_compensation_beside_the_gains(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Issue 23: what each kind buys at each share, how much does harm, and the feed-forward as a table."""

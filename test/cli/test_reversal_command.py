@@ -131,31 +131,3 @@ def test_unknown_coulomb_friction_is_not_taken_for_none(capsys: pytest.CaptureFi
         run(f"{joint} {motion}", status=2)
         assert "missing: --coulomb [N·m], on which reversals depend" in capsys.readouterr().err
     run(f"{alone} {motion} --coulomb 0")
-
-
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        ("", "missing: --amplitude, or a --trajectory"),
-        ("--amplitude 0.1", "missing: --frequency, or a --trajectory"),
-        ("--amplitude -0.1 --frequency 1", "'--amplitude' must be finite and > 0: -0.1"),
-        ("--amplitude 0.1 --frequency 1e-9", "'--frequency' must be >= "),
-        ("--amplitude 1e-6 --frequency 1e9", "'--frequency' must be <= "),
-        ("--amplitude 0.1 --frequency 1 --trajectory x.csv", "'--amplitude' must be left out where there is a --traj"),
-        (
-            "--amplitude 0.1 --frequency 1 --contact lugre --presliding-stiffness 0",
-            "'--presliding-stiffness' must be > 0",
-        ),
-        ("--amplitude 0.1 --frequency 1 --stiffness 0", "'--stiffness' must be finite and > 0"),
-        ("--amplitude 0.1 --frequency 1 --integral -10", "'--integral' must be finite and >= 0"),
-        ("--trajectory x.csv --triangle", "--triangle has no effect here: it needs --amplitude and --frequency"),
-        ("--amplitude 0.1 --frequency 1 --contact lugre", "--contact has no effect here: it needs a finite --presl"),
-        ("--amplitude 0.1 --frequency 1 --presliding-damping 1", "--presliding-damping has no effect here"),
-    ],
-)
-def test_what_is_refused(capsys: pytest.CaptureFixture[str], options: str, said: str) -> None:
-    """Issue 23: in one line, with the name that was typed."""
-    run(f"{JOINT} {options}", status=2)
-    error = capsys.readouterr().err
-    assert said in error
-    assert error.count("\n") == 1

@@ -5,12 +5,12 @@
 from __future__ import annotations
 
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 
-from stickslip_ros.nodes.conversion import diagnostic_array_bytes, diagnostic_status, status_bytes
+from stickslip_ros.nodes.conversion import diagnostic_array_bytes, status_bytes
 from stickslip_ros.output.diagnosis import Diagnosis, Level
 
 TEXTS = st.text(st.characters(exclude_characters="\x00", exclude_categories=("Cs",)), max_size=9)
@@ -30,7 +30,15 @@ DIAGNOSES = st.builds(
 )  # fmt: skip
 def test_they_mean_the_same(seconds: int, nanoseconds: int, diagnoses: list[Diagnosis], robot: str) -> None:
     """Issue 21: any statuses, texts of any length and in any script, at any place in the message."""
-    array = DiagnosticArray(status=[diagnostic_status(one, robot) for one in diagnoses])
+    array = DiagnosticArray(
+        status=[
+            DiagnosticStatus(
+                level=bytes([one.level]), name=robot + one.name, hardware_id=robot + one.hardware_id,
+                message=one.message, values=[KeyValue(key=key, value=value) for key, value in one.values],
+            )
+            for one in diagnoses
+        ]
+    )  # fmt: skip
     array.header.stamp = Time(sec=seconds, nanosec=nanoseconds)
     data = diagnostic_array_bytes(array.header.stamp, [status_bytes(one, robot) for one in diagnoses])
     # What rclpy fills up with is left over from elsewhere, so the bytes themselves differ.

@@ -22,15 +22,14 @@ from bokeh.document import Document
 from conftest import LIMIT, begun
 from nodes.forked_nodes import NodeProcess
 
-from stickslip_ros.cli.live_joint import cycle_duration, phase_loop, what_if
 from stickslip_ros.cli.live_listener import Snapshot
-from stickslip_ros.cli.live_page import LivePage, advice_text, joint_table
+from stickslip_ros.cli.live_page import LivePage, advice_text, cycle_duration, joint_table, phase_loop
 from stickslip_ros.cli.main import main
 from stickslip_ros.cli.watch_view import JointView
 from stickslip_ros.model.friction import Friction, Gains, Joint
+from stickslip_ros.output.as_json import margin_json
 from stickslip_ros.output.diagnosis import Level, value_text
 from stickslip_ros.output.published import joint_values, published_joint
-from stickslip_ros.output.stability_map import MapSubject as Subject
 from stickslip_ros.settings.known_joints import load_joint
 
 _COMMAND = [sys.executable, "-m", "stickslip_ros.cli.main", "watch", "--browser"]
@@ -106,8 +105,7 @@ def test_the_page_lives(ros_domain: int) -> None:
             )
             assert told is not None
             gains = Gains(stiffness=float(told[1]), damping=float(told[2]))
-            subject = Subject(joint=load_joint("puma560_joint1").joint, gains=gains, velocity=float(told[3]))
-            exact = what_if(subject)["exact"]
+            exact = margin_json(load_joint("puma560_joint1").joint, gains, float(told[3]))["exact"]
             assert float(told[4]) == pytest.approx(100.0 * exact["damping_reserve"], abs=3.0)
             assert exact["outcome"] == "steady"
             page.run(f"{_MODEL}('joint').value = 'b'")

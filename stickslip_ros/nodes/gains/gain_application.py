@@ -12,7 +12,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+
+from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.messages.gain_parameters import GainPair
@@ -20,7 +21,6 @@ from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.advice.gain_ramp import GainRamp
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.nodes.gains.gain_writer import (
-    Controller,
     GainWriter,
     Script,
     SetByOthersError,
@@ -28,8 +28,9 @@ from stickslip_ros.nodes.gains.gain_writer import (
     StoppedError,
     WithdrawnError,
 )
-from stickslip_ros.nodes.gains.motion_watch import WATCH, Watch
+from stickslip_ros.nodes.gains.motion_watch import WATCH, MotionWatch
 from stickslip_ros.nodes.gains.ramp_journal import RampJournal, UnfinishedRamp
+from stickslip_ros.nodes.gains.remote_parameters import RemoteParameters
 
 _LOG_EVERY = 1.0  # time between two lines on the gains of a ramp, s: a ramp of minutes fills no log
 _STEP_PERIOD = 0.1  # least time between two steps, s: the motion after a step is seen before the next
@@ -42,19 +43,6 @@ _LONGEST_JUDGEMENT = 60.0  # limit of that time, s: somebody waits for the answe
 _RANK = {Status.SMOOTH: 0, Status.AT_RISK: 1, Status.STICK_SLIP: 2}
 
 Bounds = Callable[[], tuple[tuple[float, float], tuple[float, float]]]
-
-
-class Log(Protocol):
-    """A node's log."""
-
-    def info(self, message: str) -> object:
-        """Log a regular event."""
-
-    def warning(self, message: str) -> object:
-        """Log an irregular event."""
-
-    def error(self, message: str) -> object:
-        """Log a failure."""
 
 
 class _WorseError(StoppedError):
@@ -100,8 +88,8 @@ class GainApplication:
     def __init__(
         self,
         joint: str,
-        controller: Controller,
-        watch: Watch,
+        controller: RemoteParameters,
+        watch: MotionWatch,
         journal: RampJournal,
         *,
         scale: float,
@@ -109,7 +97,7 @@ class GainApplication:
         rate: float,
         allowed: Callable[[], bool],
         clock: Callable[[], float],
-        log: Log,
+        log: RcutilsLogger,
         back_to: UnfinishedRamp | None = None,
     ) -> None:
         self.joint = joint

@@ -191,7 +191,9 @@ class ControllerGains:
                 self._store(*found, value)
                 changed.append(found[0])
         for joint in dict.fromkeys(changed):
-            self._report(joint)
+            gains = self._heard.of(joint)
+            if gains is not None:
+                self._on_gains(joint, gains)
 
     def _refuse(self, reason: str) -> None:
         """Refuse the gains for a reason, "" for none: the interfaces of an inactive controller may change."""
@@ -210,11 +212,6 @@ class ControllerGains:
             self._heard.set(joint, kind, found)
         elif value.type != ParameterType.PARAMETER_NOT_SET:
             self._refuse_value(f"gain {kind} of {joint} in {self.name} is not finite and less than {LARGEST:g}")
-
-    def _report(self, joint: str) -> None:
-        gains = self._heard.of(joint)
-        if gains is not None:
-            self._on_gains(joint, gains)
 
 
 class GainIntake:

@@ -12,11 +12,11 @@ import math
 from collections import deque
 from collections.abc import Callable, Generator, Mapping, Sequence
 from enum import Enum
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.messages.gain_parameters import GainPair, gain_name, gain_value, joint_and_kind
-from stickslip_ros.nodes.gains.remote_parameters import PATIENCE
+from stickslip_ros.nodes.gains.remote_parameters import PATIENCE, RemoteParameters
 
 _REQUEST_AGAIN = 1.4  # time until a question is repeated, s: an answer can be lost, and few controllers are slower
 _OLD = 1.0  # age of gains from which it is reported, s
@@ -64,22 +64,6 @@ class SetByOthersError(StoppedError):
         self.values = dict(values)
 
 
-class Controller(Protocol):
-    """The parameters of a controller, as :class:`RemoteParameters` has them."""
-
-    remote: str
-    listeners: list[Callable[[Mapping[str, Any]], None]]
-
-    def get(self, names: Sequence[str], now: float, then: Callable[[Any], None]) -> None:
-        """Request values, of rcl_interfaces/ParameterValue; None if there is no answer."""
-
-    def set(self, values: Mapping[str, float], now: float, then: Callable[[Any], None]) -> None:
-        """Set all or none; the answer is a SetParametersResult, or None."""
-
-    def poll(self, now: float) -> None:
-        """Drop questions that are overdue."""
-
-
 class GainWriter:
     """Reader and writer of one joint's gains. Methods that wait are scripts of :class:`Step`.
 
@@ -90,14 +74,14 @@ class GainWriter:
 
     Attributes
     ----------
-    last : gains as read or confirmed last, None before any. written : whether any gains were written.
+    last : gains as read or confirmed last, None before any. written : gains sent last, None before any.
     silent : whether the controller did not answer the last question at all.
     """
 
     def __init__(
         self,
         joint: str,
-        controller: Controller,
+        controller: RemoteParameters,
         *,
         clock: Callable[[], float],
         answered: Callable[[], None],
@@ -107,16 +91,15 @@ class GainWriter:
         self._names = [gain_name(joint, kind) for kind in ("p", "d")]
         self._changes_due: deque[dict[str, float]] = deque(maxlen=_MOST_SENT)
         self._others: list[dict[str, float]] = []
-        self._sent_last: dict[str, float] = {}
         self._reading: list[Any] = []
         self._requested_at = -math.inf
-        self._latest: GainPair | None = None
+        self.written: GainPair | None = None
         self._unanswered: GainPair | None = None
         self._unanswered_since = -math.inf
         self._checking = False
         self.last: GainPair | None = None
         self._how_known, self._known_at = "", 0.0
-        self.written = self.silent = False
+        self.silent = False
         controller.listeners.append(self._on_changes)
 
     def close(self) -> None:
@@ -200,8 +183,7 @@ class GainWriter:
         self.check_for_others()
 
     def _write_and_check(self, old: GainPair, new: GainPair) -> Script[None]:
-        sent = old.changes(new)
-        result = yield from self._sent(sent, new)
+        result = yield from self._sent(old.changes(new), new)
         if result.successful:
             self._note(new, "as confirmed, not read back", self._unanswered_since)
         found = yield from self.read()
@@ -209,10 +191,10 @@ class GainWriter:
             return
         # The event of a change comes a little later than the answer.
         until = self._clock() + _EVENT_DELAY
-        while self._clock() < until and not (self._confirmed(sent) or self._others):
+        while self._clock() < until and not (self._confirmed or self._others):
             yield Step.WAIT
         remote = self._controller.remote
-        if result.successful and not self._confirmed(sent):
+        if result.successful and not self._confirmed:
             if found.same(old):
                 raise StoppedError(f"{remote} took no notice of {new}")
             if found.between(old, new):
@@ -222,9 +204,10 @@ class GainWriter:
             raise SetByOthersError(self._pop_others() or found.values())
         raise StoppedError(f"{remote} refused {new}: {result.reason or 'no reason given'}")
 
-    def _confirmed(self, sent: dict[str, float]) -> bool:
-        """Whether the controller has published an event of a write."""
-        return not any(due is sent for due in self._changes_due)
+    @property
+    def _confirmed(self) -> bool:
+        """Whether the controller has published the event of the last write."""
+        return not self._changes_due
 
     def _put_back(self, old: GainPair, new: GainPair, found: GainPair) -> Script[None]:
         """Restore the gains that the controller accepted last, after it changed the new ones."""
@@ -250,7 +233,7 @@ class GainWriter:
             values = {**values, **self._pop_others()}
             theirs = ", ".join(f"{kind} {value:.6g}" for kind, value in values.items())
             # A value that is neither theirs nor ours was set later, by somebody else.
-            ours = self._latest.values() if self._latest is not None else {}
+            ours = self.written.values() if self.written is not None else {}
             wanted = found.changes(found.with_values(values))
             undone = {kind: value for kind, value in wanted.items() if found.values()[kind] == ours.get(kind)}
             if not undone:
@@ -298,9 +281,8 @@ class GainWriter:
         yield Step.CHECK_PERMISSION
         answers: list[Any] = []
         self._changes_due.append(values)
-        self._sent_last = values
-        self._latest = self._unanswered = new
-        self._unanswered_since, self.written = self._clock(), True
+        self.written = self._unanswered = new
+        self._unanswered_since = self._clock()
 
         def answered(answer: Any) -> None:
             if self._unanswered is new and answer is not None:
@@ -347,7 +329,7 @@ class GainWriter:
             if due == announced:
                 for _ in range(number + 1):
                     self._changes_due.popleft()
-                if self._unanswered is not None and self._confirmed(self._sent_last) and self.last is not None:
+                if self._unanswered is not None and self._confirmed and self.last is not None:
                     # The event is as good as an answer, which may never come.
                     self._note(self._unanswered, "as it made known", self._clock())
                     self._unanswered = None

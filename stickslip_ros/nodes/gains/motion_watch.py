@@ -7,7 +7,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Protocol
 
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.assessment import Assessment
@@ -22,30 +21,6 @@ _CYCLES = 2.0  # number of stick-slip cycles in that span, 1: their largest erro
 _BAND = 5.0  # bandwidth of the joint's own motion, natural frequencies: faster motion is noise
 _SWINGS = 2.0  # number of natural periods, 1: an unstable joint swings to and fro within them
 _LONGEST_SWINGS = 5.0  # limit of their duration, s: instability has to be noticed soon
-
-
-class Watch(Protocol):
-    """The joint's motion, as :class:`MotionWatch` sees it."""
-
-    @property
-    def status(self) -> Status:
-        """Present status."""
-
-    @property
-    def cycles(self) -> int:
-        """Number of cycles so far."""
-
-    def assessment(self) -> Assessment:
-        """Present assessment of the joint."""
-
-    def begin(self, begin: Gains, target: Gains) -> str:
-        """Measure the present motion, as the reference of later motion; returns why it cannot be measured, or ""."""
-
-    def silence(self) -> str:
-        """Sentence that no samples come any more, "" if they do."""
-
-    def objection(self, softer: float) -> str:
-        """Why the gains should not be changed further, silence included, or ""."""
 
 
 class MotionWatch:

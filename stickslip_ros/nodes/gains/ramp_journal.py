@@ -13,10 +13,9 @@ from datetime import datetime, timezone
 from pathlib import Path
 
 from stickslip_ros.errors import StickSlipError
-from stickslip_ros.files import write_whole
 from stickslip_ros.messages.gain_parameters import GainPair
-from stickslip_ros.nodes.state.plain_data import USER_ONLY, NewerVersionError, from_plain, sealed, to_plain, unsealed
-from stickslip_ros.nodes.state.state_file import set_aside
+from stickslip_ros.nodes.state.plain_data import NewerVersionError, from_plain, sealed, to_plain, unsealed
+from stickslip_ros.nodes.state.state_file import set_aside, write_state
 from stickslip_ros.regular_files import read_regular
 
 _FORMAT, _VERSION = "stickslip_ros ramps", 1
@@ -118,8 +117,7 @@ class RampJournal(Mapping[str, UnfinishedRamp]):
         if self._path is not None:
             content = sealed(_FORMAT, _VERSION, json.dumps([to_plain(one) for one in ramps.values()]))
             try:
-                self._path.parent.mkdir(parents=True, exist_ok=True)
-                write_whole(self._path, content, mode=USER_ONLY, durable=True)
+                write_state(self._path, content)
             except OSError as error:
                 raise JournalError(
                     f"what is to be changed cannot be noted in {self._path} first: {error.strerror or error}"

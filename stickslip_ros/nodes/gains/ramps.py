@@ -101,7 +101,7 @@ class RampService:
 
     @property
     def busy(self) -> bool:
-        """Whether a request is under way."""
+        """Whether a request is under way, so that samples have to be processed at once."""
         return self._answer is not None
 
     def tick(self, now: float) -> None:
@@ -173,7 +173,7 @@ class RampService:
         self._answer = None
 
 
-class Ramps:
+class Ramps(RampService):
     """Ramps of the watched joints' gains, by request and permission.
 
     Parameters
@@ -190,14 +190,14 @@ class Ramps:
         others: OtherMonitors,
         journal: RampJournal,
     ) -> None:
+        super().__init__(node, {APPLY: self._to_the_advice, RESTORE: self._back})
         self._node, self._joints, self._gains, self._not_yet = node, joints, gains, ""
         self._others, self._journal = others, journal
         if self._journal.trouble:
             node.get_logger().warning(self._journal.trouble)
-        self._service = RampService(node, {APPLY: self._to_the_advice, RESTORE: self._back})
         self._logged: set[str] = set()
 
-    def tick(self, now: float, not_yet: str) -> None:
+    def tick(self, now: float, not_yet: str = "") -> None:
         """Drain requests and continue their ramps.
 
         Parameters
@@ -205,49 +205,22 @@ class Ramps:
         now : a steady time [s]. not_yet : why nothing can be judged yet, "" if it can.
         """
         self._not_yet = not_yet
-        self._service.tick(now)
-
-    def stop(self, why: str) -> None:
-        """End the ramps; the gains stay as they are."""
-        self._service.stop(why)
-
-    def close(self) -> None:
-        """Take the services from the graph."""
-        self._service.close()
-
-    @property
-    def busy(self) -> bool:
-        """Whether gains are being changed, so that samples have to be processed at once."""
-        return self._service.busy
-
-    @property
-    def state(self) -> str:
-        """Sentence on the present or last ramp."""
-        return self._service.state
-
-    @property
-    def outcomes(self) -> Mapping[str, str]:
-        """The last message on each joint."""
-        return self._service.outcomes
+        super().tick(now)
 
     @property
     def trouble(self) -> str:
         """Faults for the diagnostics, "" if there are none."""
         troubles = [self._journal.trouble]
-        if not self._service.busy:
-            troubles += [self._service.state if self._service.failed else ""]
+        if not self.busy:
+            troubles += [self.state if self.failed else ""]
             troubles += [self._unfinished(ramp) for ramp in self._journal.values()]
         return "; ".join(trouble for trouble in troubles if trouble)
-
-    def withdraw(self) -> None:
-        """Write nothing more of the present requests: the permission was withdrawn."""
-        self._service.withdraw()
 
     def hear_gains(self, joint: WatchedJoint) -> None:
         """Remove a cut-off ramp from the journal, if the gains are those before it or off its way; else warn once."""
         ramp = self._journal.get(joint.name)
         gains = joint.monitor.gains
-        if ramp is None or gains is None or self._service.busy or self._controller_name(joint.name) != ramp.controller:
+        if ramp is None or gains is None or self.busy or self._controller_name(joint.name) != ramp.controller:
             return
         now = GainPair.from_si(gains, joint.settings.gain_scale)
         if now.same(ramp.before) or not now.between(ramp.before, ramp.target):

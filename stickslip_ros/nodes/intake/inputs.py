@@ -13,20 +13,18 @@ from rclpy.node import Node
 from stickslip_ros.messages.joint_states import TYPE
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.nodes.gains.gain_intake import PD_GAINS, GainIntake
+from stickslip_ros.nodes.intake.arrivals import REFERENCE_TYPES, REFERENCES, STATES, reference_type_name
 from stickslip_ros.nodes.intake.joint_state_topic import JointStateTopic
 from stickslip_ros.nodes.intake.publishers import NAMED, SCAN_EVERY, is_named, names_of, publishers_by_topic
-from stickslip_ros.nodes.intake.reference_topic import REFERENCE_TYPES, reference_type_name
 from stickslip_ros.nodes.joints.watched_joints import WatchedJoint, WatchedJoints
 from stickslip_ros.nodes.unknown_parameters import UnknownParameters
 from stickslip_ros.output.wording import references_off_text
 from stickslip_ros.visible import listed
 
-REFERENCES = "joint_references"
 _PATIENCE = 10.0  # time without a message, s: drivers start within it
 _CLOCK_PATIENCE = 5.0  # time until the first message on /clock, s: a simulation that runs publishes within it
 _INACTIVE = 2.0  # time between two polls, s: the node was inactive meanwhile, and could hear nothing
 _WORD = TYPE.rpartition("/")[2]
-_STATES = "joint_states"
 
 
 class PublishedTypes:
@@ -169,13 +167,13 @@ class Inputs:
         self._types = PublishedTypes(
             node,
             {
-                _STATES: "sensor_msgs/msg/JointState",
+                STATES: "sensor_msgs/msg/JointState",
                 REFERENCES: reference_type_name(reference_type),
                 PD_GAINS: "std_msgs/msg/Float64MultiArray",
             },
         )
         self._unknown_parameters = UnknownParameters(node)
-        self._silent_states, self._silent_clock = SilentStates(node, _STATES), SilentClock(node)
+        self._silent_states, self._silent_clock = SilentStates(node, STATES), SilentClock(node)
 
     def poll(self, now: float, states: JointStateTopic) -> None:
         """Scan the graph and the given parameters; ``now`` is a steady time [s]."""
@@ -201,7 +199,7 @@ class Inputs:
         """Why states, gains or references of a joint are missing, "" if none are."""
         reasons = []
         if math.isinf(joint.heard):
-            reasons += [text for text in (self._types.troubles.get(_STATES, ""), self._silent_states.text) if text]
+            reasons += [text for text in (self._types.troubles.get(STATES, ""), self._silent_states.text) if text]
         if assessment.gains is None:
             why = self._gains.why_unknown(joint.name) or self._types.troubles.get(PD_GAINS, "")
             reasons += [f"gains not known: {why}"] if why else []

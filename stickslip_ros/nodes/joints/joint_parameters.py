@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor, ParameterType
 from rclpy.node import Node
@@ -14,6 +15,8 @@ from rclpy.parameter import Parameter
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.settings.parameter_table import GAIN_UNITS, PER_JOINT, RECOMMENDED, ParameterSpec
 from stickslip_ros.settings.parameters import JointSettings, settings_of
+
+Changes = Mapping[str, Parameter]
 
 
 class OwnChange:
@@ -89,7 +92,7 @@ def set_recommended(node: Node, advised: Mapping[str, Gains | None]) -> None:
         node.set_parameters(changed)
 
 
-def read(node: Node, name: str, changes: Mapping[str, Parameter] | None = None) -> JointSettings:
+def read(node: Node, name: str, changes: Changes | None = None) -> JointSettings:
     """Read one joint's parameters, as they would be after the changes.
 
     Raises
@@ -97,10 +100,10 @@ def read(node: Node, name: str, changes: Mapping[str, Parameter] | None = None) 
     StickSlipError
         If they make no joint; the text names the value.
     """
-    changes = changes or {}
+    return settings_of(name, lambda parameter: value_of(node, parameter, changes))
 
-    def value(parameter: str) -> object:
-        changed = changes.get(parameter)
-        return changed.value if changed is not None else node.get_parameter(parameter).value
 
-    return settings_of(name, value)
+def value_of(node: Node, parameter: str, changes: Changes | None = None) -> Any:
+    """Value of a parameter, as it would be after the changes."""
+    changed = changes.get(parameter) if changes else None
+    return node.get_parameter(parameter).value if changed is None else changed.value

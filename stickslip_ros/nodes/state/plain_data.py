@@ -20,8 +20,6 @@ import numpy as np
 
 from stickslip_ros.errors import StickSlipError
 
-USER_ONLY = 0o600  # permissions of a file, mode bits: the user alone reads and writes it
-
 Kind = TypeVar("Kind")
 
 

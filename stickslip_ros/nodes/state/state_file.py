@@ -15,13 +15,14 @@ from stickslip_ros.errors import StickSlipError
 from stickslip_ros.files import write_whole
 from stickslip_ros.monitoring.friction.change import FrictionChange, ParameterDifference
 from stickslip_ros.monitoring.joint_monitor import JointMemory
-from stickslip_ros.nodes.state.plain_data import USER_ONLY, from_plain, sealed, to_plain, unsealed
+from stickslip_ros.nodes.state.plain_data import from_plain, sealed, to_plain, unsealed
 from stickslip_ros.regular_files import read_regular
 
 _FORMAT = "stickslip_ros state"
 _VERSION = 3
 # Keys of version 2, of what updates by single slips started from.
 _OF_UPDATES = ("information", "prior", "spread", "widening")
+_USER_ONLY = 0o600  # permissions of a file, mode bits: the user alone reads and writes it
 _LARGEST = 256_000_000  # size of the file, bytes: a larger file is no state
 # Sentence of version 1, whatever the sentence in diagnostics is today.
 _SENTENCE = re.compile(r"friction changed abruptly at (?P<time>\S+) s(?P<anew>; learning anew)?(?:: (?P<what>.*))?")
@@ -80,7 +81,7 @@ def write_state(path: Path, text: bytes) -> None:
         If there is no room, or no permission; the old file is then unchanged.
     """
     Path(os.path.realpath(path)).parent.mkdir(parents=True, exist_ok=True)
-    write_whole(path, text, mode=USER_ONLY, durable=True)
+    write_whole(path, text, mode=_USER_ONLY, durable=True)
 
 
 def set_aside(path: Path) -> Path:

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import multiprocessing
 import os
 import sys
@@ -175,7 +176,7 @@ def _begin(parent: int) -> None:
 
 
 class Background(Generic[Question, Answer]):
-    """Questions of one kind, each under a name, and the last answers.
+    """Questions of one kind, each under a name, when they were submitted, and the last answers.
 
     Parameters
     ----------
@@ -185,6 +186,7 @@ class Background(Generic[Question, Answer]):
     def __init__(self, work: SlowWork, kind: str, answer: Callable[[Question], Answer]) -> None:
         self._work, self._kind, self._answer = work, kind, answer
         self._answers: dict[str, tuple[Question, Answer]] = {}
+        self._submitted_at: dict[str, float] = {}
 
     def latest(self, name: str) -> tuple[Question, Answer] | None:
         """The last question of this name that was answered, and its answer."""
@@ -197,6 +199,16 @@ class Background(Generic[Question, Answer]):
         """Whether a question of this name is being answered."""
         return self._work.is_under_way((self._kind, name))
 
-    def submit(self, name: str, question: Question) -> None:
-        """Begin to answer a question, unless one of this name is under way: it is then to be submitted again."""
+    def age(self, name: str, now: float) -> float:
+        """Time since a question of this name was submitted [s]; infinite before the first."""
+        return now - self._submitted_at.get(name, -math.inf)
+
+    def submit(self, name: str, question: Question, now: float) -> None:
+        """Begin to answer a question, unless one of this name is under way: it is then to be submitted again.
+
+        Parameters
+        ----------
+        now : a steady time [s].
+        """
+        self._submitted_at[name] = now
         self._work.submit((self._kind, name), self._answer, question)

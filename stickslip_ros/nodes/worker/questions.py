@@ -8,8 +8,7 @@ for some controllers.
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from time import monotonic
 
 from stickslip_ros.model.controlled import OperatingConditions
@@ -33,7 +32,6 @@ class AdviceWorker:
 
     def __init__(self, work: SlowWork) -> None:
         self._background: Background[AdviceQuestion, Advice] = Background(work, "advice", advise)
-        self._submitted_at: dict[str, float] = {}
 
     def adviser(self, name: str) -> Adviser:
         """Adviser of a joint's monitor: returns the latest advice, and begins to compute new advice where it is due."""
@@ -46,9 +44,8 @@ class AdviceWorker:
             rest = 0.0
             if known is not None and known[0].about_the_same(question):
                 rest = _SCATTERED_SPEED if known[0].similar(question, _SCATTER) else _CHANGED_SPEED
-            if now - self._submitted_at.get(name, -math.inf) >= rest:
-                self._background.submit(name, question)
-                self._submitted_at[name] = now
+            if self._background.age(name, now) >= rest:
+                self._background.submit(name, question, now)
             # Learning changes the friction with every slip, and the speed may never be the same twice. While the
             # gains are the same, the latest advice is the best there can be.
             return known[1] if known is not None and known[0].comparable(question) else None
@@ -56,55 +53,39 @@ class AdviceWorker:
         return latest
 
 
-@dataclass(frozen=True)
-class _Dated:
-    """A question and when it was submitted, a steady time [s]."""
-
-    question: ExactQuestion
-    at: float
-
-
-def _answer(dated: _Dated) -> ExactVerdict:
-    return dated.question.verdict()
-
-
 class ExactWorker:
     """Exact verdicts by name, computed again where joint, gains or speed have changed."""
 
     def __init__(self, work: SlowWork) -> None:
-        self._background: Background[_Dated, ExactVerdict] = Background(work, "exact verdict", _answer)
-
-    def verdict(self, name: str, question: ExactQuestion, now: float) -> ExactVerdict:
-        """The verdict on a joint as it is now, or :data:`NOT_COMPUTED` until it is there.
-
-        Parameters
-        ----------
-        name : name of the question. now : a steady time [s].
-        """
-        known = self._background.latest(name)
-        if known is None or not known[0].question.of_the_same_controller(question):
-            self._background.submit(name, _Dated(question, now))
-            return NOT_COMPUTED
-        dated, verdict = known
-        same_speed = dated.question.at_the_same_speed(question)
-        if not dated.question.answers(question) and (
-            dated.question.joint != question.joint or now - dated.at >= _CHANGED_SPEED
-        ):
-            self._background.submit(name, _Dated(question, now))
-        # Learning changes the friction with every slip; the latest verdict is the best there can be.
-        return verdict if same_speed else NOT_COMPUTED
+        self._background: Background[ExactQuestion, ExactVerdict] = Background(
+            work, "exact verdict", ExactQuestion.verdict
+        )
 
     def verdict_on(
         self, name: str, assessment: Assessment, gains: Gains | None, conditions: OperatingConditions, now: float
     ) -> ExactVerdict:
         """The verdict on an assessed joint, with gains that need not be the present ones.
 
+        It is :data:`NOT_COMPUTED` until it is there.
+
         Parameters
         ----------
         name : name of the question. now : a steady time [s].
         """
         question = ExactQuestion.on(assessment, gains, conditions)
-        return NOT_COMPUTED if question is None else self.verdict(name, question, now)
+        if question is None:
+            return NOT_COMPUTED
+        known = self._background.latest(name)
+        if known is None or not known[0].of_the_same_controller(question):
+            self._background.submit(name, question, now)
+            return NOT_COMPUTED
+        before, verdict = known
+        if not before.answers(question) and (
+            before.joint != question.joint or self._background.age(name, now) >= _CHANGED_SPEED
+        ):
+            self._background.submit(name, question, now)
+        # Learning changes the friction with every slip; the latest verdict is the best there can be.
+        return verdict if before.at_the_same_speed(question) else NOT_COMPUTED
 
     def verdict_here(
         self, name: str, assessment: Assessment, conditions: OperatingConditions, now: float
