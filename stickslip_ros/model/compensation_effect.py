@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 from stickslip_ros.model.bisection import first_reached
 from stickslip_ros.model.compensation import Compensation
 from stickslip_ros.model.conditions import OperatingConditions
-from stickslip_ros.model.controlled import natural_period
 from stickslip_ros.model.dimensionless import damping_for_ratio
-from stickslip_ros.model.divergence import UNSTABLE, UnstableLoopError, runs_away
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
+from stickslip_ros.model.long_motion import UNSTABLE, UnstableLoopError, advanced, natural_period
 from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.model.reversal import ReferenceMotion, Reversal, reversals, triangle
 from stickslip_ros.model.verdict import Detail, ExactVerdict, verdict
@@ -78,10 +77,6 @@ class _Case:
     conditions: OperatingConditions
 
     @property
-    def _natural(self) -> float:
-        return natural_period(self.joint, self.gains)
-
-    @property
     def _held(self) -> float:
         friction = self.joint.friction
         return (float(friction.coulomb) + float(friction.stribeck)) / float(self.gains.stiffness)
@@ -111,15 +106,14 @@ class _Case:
     def _late_errors(self, reference: Callable[[FloatArray], FloatArray]) -> FloatArray:
         """Following error once what came first has passed."""
         gains, conditions = self.gains, self.conditions
-        period = conditions.period or self._natural / 64.0
-        count = math.ceil(_PERIODS * self._natural / period)
+        natural = natural_period(self.joint, gains)
+        period = conditions.period or natural / 64.0
+        count = math.ceil(_PERIODS * natural / period)
         simulation = JointSimulation.under(self.joint, gains, conditions)
         positions = reference(period * np.arange(count + 1.0))
-        motion = simulation.advance(period, positions[:-1], np.diff(positions) / period)
-        errors = positions[1:] - motion.position
-        if runs_away(self.joint, gains, conditions, errors, float(np.abs(positions).max())):
-            raise UnstableLoopError
-        return errors[-count // 3 :]
+        reach = float(np.abs(positions).max())
+        motion = advanced(simulation, conditions, period, positions[:-1], np.diff(positions) / period, reach)
+        return (positions[1:] - motion.position)[-count // 3 :]
 
 
 def compensation_effect(

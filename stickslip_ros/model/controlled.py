@@ -8,20 +8,24 @@ No condition in closed form covers these; the joint is simulated, in SI units, u
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from stickslip_ros.model._sliding_kernel import STEADY_SWING
-from stickslip_ros.model.bounds import TINY
-from stickslip_ros.model.conditions import OperatingConditions as OperatingConditions
-from stickslip_ros.model.divergence import runs_away
+from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
+from stickslip_ros.model.long_motion import (
+    PERIODS_AT_ONCE,
+    UnstableLoopError,
+    advanced,
+    block_ratio,
+    natural_period,
+    repeats,
+    step_period,
+)
 from stickslip_ros.model.outcome import Outcome
-
-HUNTING = "hunting"
 
 _COULOMB = 10.0  # Coulomb friction, of the Stribeck friction: enough that an arrested joint never slips back
 _SETTLED = 1e-6  # change of the breakaway level from one cycle to the next, of the level: with less it has settled
@@ -31,7 +35,6 @@ _MOST_CYCLES = 400  # cycles that are followed, 1
 # Change of a swing, of the swing; stretches of `PERIODS_AT_ONCE` in a row with no more, 1: it goes on.
 _SAME_SWING, _REPEATS = 2e-3, 3
 _MOST_PERIODS = 1000  # simulated span, natural periods
-PERIODS_AT_ONCE = 8  # natural periods simulated by one call, 1
 _SAMPLES_A_PERIOD = 64  # samples of continuous control in a natural period, 1
 _SLIDING_PERIODS = 16  # time without an event, natural periods: with more the joint slides
 # Stretches that are compared with as many where a joint is compensated, 1; ratio of swings that go on, 1.
@@ -41,7 +44,6 @@ _MOST_BLOCKS, _SAME_DITHERED = 25, 0.02
 _AT_REST = 0.01  # speed between like phases of a dither, of the commanded one: with less the joint is at rest
 # Periods of a dither in a number of samples, 1; error of the phase then, samples.
 _MOST_CYCLES_OF_DITHER, _PHASE = 8, 0.1
-_FASTEST_CONTROLLER = 3000  # controller periods in a natural period, 1: with more sampling is not followed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,14 +76,30 @@ def controlled_course(
         natural periods is a tenth of that at most and does not grow, or stays the same. If it does neither in a
         thousand natural periods, there is no outcome.
     """
-    stiffness, speed = float(gains.stiffness), abs(float(velocity))
+    speed = abs(float(velocity))
     natural = natural_period(joint, gains)
-    period = step_period(conditions, natural)
+    period = step_period(conditions, natural, _SAMPLES_A_PERIOD)
     if math.isnan(period):
         return ControlledCourse(persists=math.nan)
-    friction, compensation = joint.friction, conditions.compensation
-    if compensation is not None and compensation.dither > 0:
-        return _dithered_course(joint, gains, speed, conditions, period, natural)
+    compensation = conditions.compensation
+    course = _dithered_course if compensation is not None and compensation.dither > 0 else _sliding_course
+    try:
+        return course(joint, gains, speed, conditions, period, natural, to_the_end=to_the_end)
+    except UnstableLoopError:
+        return ControlledCourse(persists=1.0, unstable=True)
+
+
+def _sliding_course(
+    joint: Joint,
+    gains: Gains,
+    speed: float,
+    conditions: OperatingConditions,
+    period: float,
+    natural: float,
+    *,
+    to_the_end: bool,
+) -> ControlledCourse:
+    stiffness, friction, compensation = float(gains.stiffness), joint.friction, conditions.compensation
     compensated = compensation is not None and compensation.by_motion
     # What compensates has the size of the Coulomb friction, or the sign of the error, which that makes; a contact that
     # gives way does so by all that it holds, and a load that rings pulls either way: there it does not cancel.
@@ -108,13 +126,11 @@ def controlled_course(
     while simulation.time < _MOST_PERIODS * natural and len(levels) < _MOST_CYCLES:
         times = simulation.time + period * np.arange(float(count))
         references = force / stiffness + speed * times
-        motion = simulation.advance(period, references, np.full(count, speed))
+        motion = advanced(simulation, conditions, period, references, speed, reach)
         if len(motion.event_rows):
             last_event = motion.last_event
             levels += motion.breakaway_levels.tolist()
             swings.clear()
-        if runs_away(joint, gains, conditions, references - motion.position, reach):
-            return ControlledCourse(persists=1.0, unstable=True)
         if _settled(levels):
             return sticks
         if simulation.stuck:
@@ -123,7 +139,7 @@ def controlled_course(
         slides = simulation.time - last_event > _SLIDING_PERIODS * natural
         swing = float(np.abs(motion.velocity - speed).max()) / speed
         swings.append(swing)
-        if slides and to_the_end and compensated and _goes_on(swings):
+        if slides and to_the_end and compensated and block_ratio(swings, _BLOCKS) >= _GOES_ON:
             # Counts and samples make a swing that is never twice the same.
             steady = max(swings[-_BLOCKS:]) <= STEADY_SWING
             return ControlledCourse(persists=0.0, outcome=Outcome.STEADY if steady else Outcome.SWINGS)
@@ -141,16 +157,15 @@ def controlled_course(
     return ControlledCourse(persists=0.0) if died and to_the_end else sticks
 
 
-def _goes_on(swings: Sequence[float]) -> bool:
-    """Whether the largest departures of as many blocks do not fall from the half of them before to the later half."""
-    if len(swings) < 2 * _BLOCKS:
-        return False
-    before, after = np.mean(swings[-2 * _BLOCKS : -_BLOCKS]), np.mean(swings[-_BLOCKS:])
-    return bool(after >= _GOES_ON * before)
-
-
 def _dithered_course(
-    joint: Joint, gains: Gains, speed: float, conditions: OperatingConditions, period: float, natural: float
+    joint: Joint,
+    gains: Gains,
+    speed: float,
+    conditions: OperatingConditions,
+    period: float,
+    natural: float,
+    *,
+    to_the_end: bool,
 ) -> ControlledCourse:
     """What becomes of a joint under dither, which stops and starts it all the time: of the motion between like phases.
 
@@ -167,9 +182,8 @@ def _dithered_course(
     for _ in range(_MOST_BLOCKS):
         times = simulation.time + period * np.arange(float(count))
         references = start + speed * times
-        position = simulation.advance(period, references, np.full(count, speed)).position
-        if runs_away(joint, gains, conditions, references - position, abs(start) + speed * natural):
-            return ControlledCourse(persists=1.0, unstable=True)
+        reach = abs(start) + speed * natural
+        position = advanced(simulation, conditions, period, references, speed, reach).position
         position = np.concatenate([last, position])
         last = position[-phases:]
         mean_speed = (position[phases:] - position[:-phases]) / (phases * period * speed)
@@ -189,23 +203,7 @@ def _samples_between_phases(period: float, frequency: float) -> int:
     return round(next((one for one in few if abs(one - round(one)) <= _PHASE), few[-1]))
 
 
-def natural_period(joint: Joint, gains: Gains) -> float:
-    """2π/ω [s]."""
-    return 2.0 * math.pi * math.sqrt(float(joint.inertia) / float(gains.stiffness))
-
-
-def step_period(conditions: OperatingConditions, natural: float) -> float:
-    """The controller's period, or a sampling of continuous control; NaN if too short to be followed [s]."""
-    period = conditions.period or natural / _SAMPLES_A_PERIOD
-    return math.nan if period * _FASTEST_CONTROLLER < natural else period
-
-
 def _settled(levels: list[float]) -> bool:
-    if len(levels) >= 4:
-        steps = np.abs(np.diff(levels[-3:]))
-        if steps[-1] <= _SETTLED * max(levels[-1], TINY) and steps[-1] <= steps[0]:
-            return True
-    if len(levels) < 6 * _BLOCK:
-        return False
-    before, after = np.mean(levels[-2 * _BLOCK : -_BLOCK]), np.mean(levels[-_BLOCK:])
-    return bool(before - after < _BLOCK_DROP * before)
+    if len(levels) >= 4 and repeats(levels, _SETTLED):
+        return True
+    return len(levels) >= 6 * _BLOCK and block_ratio(levels, _BLOCK) > 1.0 - _BLOCK_DROP

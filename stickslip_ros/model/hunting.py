@@ -18,10 +18,18 @@ from numpy.typing import NDArray
 
 from stickslip_ros.model.bisection import bisected_until
 from stickslip_ros.model.conditions import OperatingConditions
-from stickslip_ros.model.controlled import PERIODS_AT_ONCE, natural_period, step_period
-from stickslip_ros.model.divergence import loop_is_unstable, runs_away
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import Event, EventKind, JointSimulation
+from stickslip_ros.model.long_motion import (
+    PERIODS_AT_ONCE,
+    UnstableLoopError,
+    advanced,
+    block_ratio,
+    natural_period,
+    repeats,
+    step_period,
+)
+from stickslip_ros.model.loop_modes import loop_is_unstable
 
 # How far off the reference a joint begins, at rest, in stretches of the spring that static friction just holds.
 STARTS = (1.0, 0.5, 3.0, 10.0)
@@ -194,7 +202,7 @@ def _course(joint: Joint, gains: Gains, conditions: OperatingConditions, start: 
         return _SETTLED
     natural, stiffness = natural_period(joint, gains), float(gains.stiffness)
     # Events are exact however seldom one looks.
-    period = step_period(conditions, natural) if conditions.period > 0 else natural / _SAMPLES_A_PERIOD
+    period = step_period(conditions, natural, _SAMPLES_A_PERIOD)
     if math.isnan(period):
         return None
     offset = start.spring / stiffness
@@ -210,10 +218,11 @@ def _course(joint: Joint, gains: Gains, conditions: OperatingConditions, start: 
         # A joint that neither slips nor stops is followed in ever longer stretches.
         coarser = min(stretch, _COARSER) if simulation.stuck and conditions.period == 0 else 1
         size = count * stretch // coarser
-        motion = simulation.advance(coarser * period, np.full(size, offset), np.zeros(size))
-        errors = offset - motion.position
-        if runs_away(joint, gains, conditions, errors, reach):
+        try:
+            motion = advanced(simulation, conditions, coarser * period, np.full(size, offset), 0.0, reach)
+        except UnstableLoopError:
             return _GROWN
+        errors = offset - motion.position
         for event in motion.events:
             slips.add_event(event)
         if slips.hunts(unstable=unstable):
@@ -293,15 +302,11 @@ class _Slips:
         swings = self._whole
         if len(swings) < 3 * _AGAIN:
             return False
-        latest, before, first = (
-            float(swings[len(swings) - (k + 1) * _AGAIN : len(swings) - k * _AGAIN].max()) for k in range(3)
-        )
-        change, change_before = abs(latest - before), abs(before - first)
-        if change <= _ALIKE * before and change <= max(change_before, _ALIKE * _ALIKE * before):
+        if repeats(swings[-3 * _AGAIN :].reshape(3, _AGAIN).max(axis=1), _ALIKE):
             return True
         if len(swings) < _MANY:
             return False
-        ratio = float(swings[-_BLOCK:].max() / swings[-2 * _BLOCK : -_BLOCK].max())
+        ratio = block_ratio(swings, _BLOCK, np.max)
         return (not unstable and abs(ratio - 1.0) < _CLOSE) or (len(swings) >= _MOST_SWINGS and ratio > 1.0 - _CLOSE)
 
     def grow(self) -> bool:

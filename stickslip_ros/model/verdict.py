@@ -15,9 +15,9 @@ import numpy as np
 
 from stickslip_ros.model._earlier_names import earlier_names
 from stickslip_ros.model.bisection import first_reached
-from stickslip_ros.model.controlled import HUNTING, OperatingConditions, controlled_course
+from stickslip_ros.model.conditions import OperatingConditions
+from stickslip_ros.model.controlled import controlled_course
 from stickslip_ros.model.dimensionless import DimensionlessGroups, damping_for_ratio, dimensionless_groups
-from stickslip_ros.model.divergence import UNSTABLE
 from stickslip_ros.model.exact import (
     LARGEST_DAMPING_RATIO,
     exact_critical_damping_ratio,
@@ -26,8 +26,11 @@ from stickslip_ros.model.exact import (
 )
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.hunting import hunting
+from stickslip_ros.model.long_motion import UNSTABLE
 from stickslip_ros.model.margin import damping_reserve
 from stickslip_ros.model.outcome import Outcome, outcomes, steady_damping_ratio
+
+HUNTING = "hunting"
 
 _CONTROLLED_TOLERANCE = 1e-2  # error of a damping ratio, of it
 _FIRST_RATIO = 0.05  # damping ratio that is tried first, 1; then twice as much

@@ -18,7 +18,8 @@ from stickslip_ros.compilation import source_files
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model import _friction_law as friction_law
 from stickslip_ros.model._friction_law import LAWS, PAPERS_LAW
-from stickslip_ros.model.controlled import OperatingConditions, controlled_course
+from stickslip_ros.model.conditions import OperatingConditions
+from stickslip_ros.model.controlled import controlled_course
 from stickslip_ros.model.dimensionless import DimensionlessGroups, damping_for_ratio, dimensionless_groups
 from stickslip_ros.model.exact import cycle_persists, exact_critical_damping_ratio
 from stickslip_ros.model.extinction import critical_damping_ratio, energy_margin
