@@ -8,7 +8,7 @@ No condition in closed form covers these; the joint is simulated, in SI units, u
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,15 +16,7 @@ from stickslip_ros.model._sliding_kernel import STEADY_SWING
 from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
-from stickslip_ros.model.long_motion import (
-    PERIODS_AT_ONCE,
-    UnstableLoopError,
-    advanced,
-    block_ratio,
-    natural_period,
-    repeats,
-    step_period,
-)
+from stickslip_ros.model.long_motion import PERIODS_AT_ONCE, advanced, block_ratio, natural_period, repeats
 from stickslip_ros.model.outcome import Outcome
 
 _COULOMB = 10.0  # Coulomb friction, of the Stribeck friction: enough that an arrested joint never slips back
@@ -46,25 +38,9 @@ _AT_REST = 0.01  # speed between like phases of a dither, of the commanded one: 
 _MOST_CYCLES_OF_DITHER, _PHASE = 8, 0.1
 
 
-@dataclass(frozen=True, kw_only=True)
-class ControlledCourse:
-    """What becomes of a joint that breaks away with full static friction.
-
-    Attributes
-    ----------
-    persists : whether stick-slip goes on for ever, or the motion grows without end: 1.0 or 0.0; NaN if the controller
-        is too fast beside the joint to be followed.
-    outcome : None where there is none to tell. unstable : its motion grows without end.
-    """
-
-    persists: float
-    outcome: Outcome | None = None
-    unstable: bool = False
-
-
 def controlled_course(
     joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions, *, to_the_end: bool = True
-) -> ControlledCourse:
+) -> Outcome | None:
     """What becomes of a joint that breaks away with full static friction; scalars only.
 
     Stick-slip goes on if the breakaway levels come to rest, or where sampling keeps them from that, if their mean over
@@ -73,33 +49,23 @@ def controlled_course(
     Parameters
     ----------
     to_the_end : whether a joint that slides on is followed until its largest departure from the speed within eight
-        natural periods is a tenth of that at most and does not grow, or stays the same. If it does neither in a
-        thousand natural periods, there is no outcome.
+        natural periods is a tenth of that at most and does not grow, or stays the same.
+
+    Returns
+    -------
+    None if stick-slip has died and no more is seen: in a thousand natural periods, or not ``to_the_end``.
+
+    Raises
+    ------
+    UnstableLoopError
+        If the motion grows without end.
     """
-    speed = abs(float(velocity))
+    speed, compensation = abs(float(velocity)), conditions.compensation
     natural = natural_period(joint, gains)
-    period = step_period(conditions, natural, _SAMPLES_A_PERIOD)
-    if math.isnan(period):
-        return ControlledCourse(persists=math.nan)
-    compensation = conditions.compensation
-    course = _dithered_course if compensation is not None and compensation.dither > 0 else _sliding_course
-    try:
-        return course(joint, gains, speed, conditions, period, natural, to_the_end=to_the_end)
-    except UnstableLoopError:
-        return ControlledCourse(persists=1.0, unstable=True)
-
-
-def _sliding_course(
-    joint: Joint,
-    gains: Gains,
-    speed: float,
-    conditions: OperatingConditions,
-    period: float,
-    natural: float,
-    *,
-    to_the_end: bool,
-) -> ControlledCourse:
-    stiffness, friction, compensation = float(gains.stiffness), joint.friction, conditions.compensation
+    period = conditions.period or natural / _SAMPLES_A_PERIOD
+    if compensation is not None and compensation.dither > 0:
+        return _dithered_course(joint, gains, speed, conditions, period, natural)
+    stiffness, friction = float(gains.stiffness), joint.friction
     compensated = compensation is not None and compensation.by_motion
     # What compensates has the size of the Coulomb friction, or the sign of the error, which that makes; a contact that
     # gives way does so by all that it holds, and a load that rings pulls either way: there it does not cancel.
@@ -119,7 +85,6 @@ def _sliding_course(
     count = max(1, round(PERIODS_AT_ONCE * natural / period))
     # How far behind its reference a joint may be that has only begun to slide.
     reach = abs(force) / stiffness + speed * natural
-    sticks = ControlledCourse(persists=1.0, outcome=Outcome.STICKS)
     levels: list[float] = []
     slowest_before, last_event, swing_before, repeats = -math.inf, 0.0, math.inf, 0
     swings: list[float] = []
@@ -132,7 +97,7 @@ def _sliding_course(
             levels += motion.breakaway_levels.tolist()
             swings.clear()
         if _settled(levels):
-            return sticks
+            return Outcome.STICKS
         if simulation.stuck:
             continue
         slowest = float(motion.velocity.min()) if not len(motion.event_rows) else -math.inf
@@ -142,31 +107,24 @@ def _sliding_course(
         if slides and to_the_end and compensated and block_ratio(swings, _BLOCKS) >= _GOES_ON:
             # Counts and samples make a swing that is never twice the same.
             steady = max(swings[-_BLOCKS:]) <= STEADY_SWING
-            return ControlledCourse(persists=0.0, outcome=Outcome.STEADY if steady else Outcome.SWINGS)
+            return Outcome.STEADY if steady else Outcome.SWINGS
         if slides and slowest >= slowest_before:
             repeats = repeats + 1 if abs(swing - swing_before) <= _SAME_SWING * swing else 0
             if not to_the_end:
-                return ControlledCourse(persists=0.0)
+                return None
             if swing <= STEADY_SWING and swing <= swing_before:
-                return ControlledCourse(persists=0.0, outcome=Outcome.STEADY)
+                return Outcome.STEADY
             if repeats >= _REPEATS:
-                return ControlledCourse(persists=0.0, outcome=Outcome.SWINGS)
+                return Outcome.SWINGS
             swing_before = swing
         slowest_before = slowest
     died = simulation.time - last_event > _SLIDING_PERIODS * natural
-    return ControlledCourse(persists=0.0) if died and to_the_end else sticks
+    return None if died and to_the_end else Outcome.STICKS
 
 
 def _dithered_course(
-    joint: Joint,
-    gains: Gains,
-    speed: float,
-    conditions: OperatingConditions,
-    period: float,
-    natural: float,
-    *,
-    to_the_end: bool,
-) -> ControlledCourse:
+    joint: Joint, gains: Gains, speed: float, conditions: OperatingConditions, period: float, natural: float
+) -> Outcome:
     """What becomes of a joint under dither, which stops and starts it all the time: of the motion between like phases.
 
     It sticks if that motion comes to rest again and again, is steady if its speed keeps within a tenth of the commanded
@@ -192,8 +150,8 @@ def _dithered_course(
             break
     slowest, swing = np.array(seen[-_REPEATS:]).T
     if slowest.min() <= _AT_REST:
-        return ControlledCourse(persists=1.0, outcome=Outcome.STICKS)
-    return ControlledCourse(persists=0.0, outcome=Outcome.STEADY if swing.max() <= STEADY_SWING else Outcome.SWINGS)
+        return Outcome.STICKS
+    return Outcome.STEADY if swing.max() <= STEADY_SWING else Outcome.SWINGS
 
 
 def _samples_between_phases(period: float, frequency: float) -> int:

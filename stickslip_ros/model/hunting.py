@@ -27,7 +27,7 @@ from stickslip_ros.model.long_motion import (
     block_ratio,
     natural_period,
     repeats,
-    step_period,
+    too_fast,
 )
 from stickslip_ros.model.loop_modes import loop_is_unstable
 
@@ -201,10 +201,10 @@ def _course(joint: Joint, gains: Gains, conditions: OperatingConditions, start: 
     if gains.integral == 0:
         return _SETTLED
     natural, stiffness = natural_period(joint, gains), float(gains.stiffness)
-    # Events are exact however seldom one looks.
-    period = step_period(conditions, natural, _SAMPLES_A_PERIOD)
-    if math.isnan(period):
+    if too_fast(conditions, natural):
         return None
+    # Events are exact however seldom one looks.
+    period = conditions.period or natural / _SAMPLES_A_PERIOD
     offset = start.spring / stiffness
     simulation = JointSimulation.under(joint, gains, conditions, carried=conditions.load + start.integral)
     count = max(1, round(PERIODS_AT_ONCE * natural / period))

@@ -41,13 +41,9 @@ def natural_period(joint: Joint, gains: Gains) -> float:
     return 2.0 * math.pi * math.sqrt(float(joint.inertia) / float(gains.stiffness))
 
 
-def step_period(conditions: OperatingConditions, natural: float, samples: int) -> float:
-    """The controller's period, or a sampling of continuous control by so many samples in a natural period [s].
-
-    NaN if the period is too short beside the natural one to be followed.
-    """
-    period = conditions.period or natural / samples
-    return math.nan if period * _FASTEST_CONTROLLER < natural else period
+def too_fast(conditions: OperatingConditions, natural: float) -> bool:
+    """Whether what the controller does once in a while comes too often in a natural period [s] to be followed."""
+    return 0.0 < conditions.period * _FASTEST_CONTROLLER < natural
 
 
 def advanced(
