@@ -86,12 +86,11 @@ def controlled_course(
     # How far behind its reference a joint may be that has only begun to slide.
     reach = abs(force) / stiffness + speed * natural
     levels: list[float] = []
-    slowest_before, last_event, swing_before, repeats = -math.inf, 0.0, math.inf, 0
     swings: list[float] = []
+    last_event = 0.0
     while simulation.time < _MOST_PERIODS * natural and len(levels) < _MOST_CYCLES:
         times = simulation.time + period * np.arange(float(count))
-        references = force / stiffness + speed * times
-        motion = advanced(simulation, conditions, period, references, speed, reach)
+        motion = advanced(simulation, conditions, period, force / stiffness + speed * times, speed, reach)
         if len(motion.event_rows):
             last_event = motion.last_event
             levels += motion.breakaway_levels.tolist()
@@ -100,24 +99,16 @@ def controlled_course(
             return Outcome.STICKS
         if simulation.stuck:
             continue
-        slowest = float(motion.velocity.min()) if not len(motion.event_rows) else -math.inf
-        slides = simulation.time - last_event > _SLIDING_PERIODS * natural
-        swing = float(np.abs(motion.velocity - speed).max()) / speed
-        swings.append(swing)
-        if slides and to_the_end and compensated and block_ratio(swings, _BLOCKS) >= _GOES_ON:
-            # Counts and samples make a swing that is never twice the same.
-            steady = max(swings[-_BLOCKS:]) <= STEADY_SWING
-            return Outcome.STEADY if steady else Outcome.SWINGS
-        if slides and slowest >= slowest_before:
-            repeats = repeats + 1 if abs(swing - swing_before) <= _SAME_SWING * swing else 0
+        swings.append(float(np.abs(motion.velocity - speed).max()) / speed)
+        if simulation.time - last_event <= _SLIDING_PERIODS * natural:
+            continue
+        if swings[-1] <= swings[-2]:
             if not to_the_end:
                 return None
-            if swing <= STEADY_SWING and swing <= swing_before:
+            if swings[-1] <= STEADY_SWING:
                 return Outcome.STEADY
-            if repeats >= _REPEATS:
-                return Outcome.SWINGS
-            swing_before = swing
-        slowest_before = slowest
+        if to_the_end and _GOES_ON <= block_ratio(swings, _BLOCKS) <= 1.0 / _GOES_ON:
+            return Outcome.STEADY if max(swings[-_BLOCKS:]) <= STEADY_SWING else Outcome.SWINGS
     died = simulation.time - last_event > _SLIDING_PERIODS * natural
     return None if died and to_the_end else Outcome.STICKS
 
