@@ -7,7 +7,6 @@ No condition in closed form covers these; the joint is simulated, in SI units, u
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -97,10 +96,11 @@ def controlled_course(
             swings.clear()
         if _settled(levels):
             return Outcome.STICKS
-        if simulation.stuck:
-            continue
-        swings.append(float(np.abs(motion.velocity - speed).max()) / speed)
-        if simulation.time - last_event <= _SLIDING_PERIODS * natural:
+        swing = float(np.abs(motion.velocity - speed).max()) / speed
+        if simulation.stuck and swing > STEADY_SWING:
+            continue  # a contact that creeps lets a joint move at its speed that has not broken away
+        swings.append(swing)
+        if simulation.time - last_event <= _SLIDING_PERIODS * natural or len(swings) < 2:
             continue
         if swings[-1] <= swings[-2]:
             if not to_the_end:
