@@ -15,23 +15,27 @@ from stickslip_ros.model._sliding_kernel import STEADY_SWING
 from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
-from stickslip_ros.model.long_motion import PERIODS_AT_ONCE, advanced, block_ratio, natural_period, repeats
+from stickslip_ros.model.long_motion import (
+    MOST_CYCLES,
+    NO_TREND,
+    PERIODS_AT_ONCE,
+    advanced,
+    cycles_persist,
+    natural_period,
+    trend,
+)
 from stickslip_ros.model.outcome import Outcome
 
 _COULOMB = 10.0  # Coulomb friction, of the Stribeck friction: enough that an arrested joint never slips back
-_SETTLED = 1e-6  # change of the breakaway level from one cycle to the next, of the level: with less it has settled
-_BLOCK = 10  # cycles whose mean is compared where levels do not settle, 1
-_BLOCK_DROP = 0.01  # fall of that mean from block to block, of the mean: with less the levels have settled
-_MOST_CYCLES = 400  # cycles that are followed, 1
-# Change of a swing, of the swing; stretches of `PERIODS_AT_ONCE` in a row with no more, 1: it goes on.
-_SAME_SWING, _REPEATS = 2e-3, 3
+# Change of the breakaway level from one cycle to the next, of the level: with less it has settled. Close to the
+# boundary a level that falls in the end stays almost the same for long.
+_SETTLED = 1e-6
 _MOST_PERIODS = 1000  # simulated span, natural periods
 _SAMPLES_A_PERIOD = 64  # samples of continuous control in a natural period, 1
 _SLIDING_PERIODS = 16  # time without an event, natural periods: with more the joint slides
-# Stretches that are compared with as many where a joint is compensated, 1; ratio of swings that go on, 1.
-_BLOCKS, _GOES_ON = 6, 0.98
-# Stretches simulated under dither, 1; scatter of slowest speed and swing over the last ones, of the commanded speed.
-_MOST_BLOCKS, _SAME_DITHERED = 25, 0.02
+# Stretches simulated under dither, 1; how many of them are compared, 1; scatter of slowest speed and swing over these,
+# of the commanded speed.
+_MOST_DITHERED, _LAST_DITHERED, _SAME_DITHERED = 25, 3, 0.02
 _AT_REST = 0.01  # speed between like phases of a dither, of the commanded one: with less the joint is at rest
 # Periods of a dither in a number of samples, 1; error of the phase then, samples.
 _MOST_CYCLES_OF_DITHER, _PHASE = 8, 0.1
@@ -42,13 +46,13 @@ def controlled_course(
 ) -> Outcome | None:
     """What becomes of a joint that breaks away with full static friction; scalars only.
 
-    Stick-slip goes on if the breakaway levels come to rest, or where sampling keeps them from that, if their mean over
-    ten cycles does not fall any more. It has died if the joint slides on with an oscillation that does not grow.
+    Stick-slip goes on if the breakaway levels do, by :func:`stickslip_ros.model.long_motion.cycles_persist`. It has
+    died if the joint slides on with an oscillation that does not grow.
 
     Parameters
     ----------
     to_the_end : whether a joint that slides on is followed until its largest departure from the speed within eight
-        natural periods is a tenth of that at most and does not grow, or stays the same.
+        natural periods is a tenth of that at most and does not grow, or has no trend.
 
     Returns
     -------
@@ -87,14 +91,14 @@ def controlled_course(
     levels: list[float] = []
     swings: list[float] = []
     last_event = 0.0
-    while simulation.time < _MOST_PERIODS * natural and len(levels) < _MOST_CYCLES:
+    while simulation.time < _MOST_PERIODS * natural and len(levels) < MOST_CYCLES:
         times = simulation.time + period * np.arange(float(count))
         motion = advanced(simulation, conditions, period, force / stiffness + speed * times, speed, reach)
         if len(motion.event_rows):
             last_event = motion.last_event
             levels += motion.breakaway_levels.tolist()
             swings.clear()
-        if _settled(levels):
+        if cycles_persist(levels, _SETTLED):
             return Outcome.STICKS
         swing = float(np.abs(motion.velocity - speed).max()) / speed
         if simulation.stuck and swing > STEADY_SWING:
@@ -107,8 +111,8 @@ def controlled_course(
                 return None
             if swings[-1] <= STEADY_SWING:
                 return Outcome.STEADY
-        if to_the_end and _GOES_ON <= block_ratio(swings, _BLOCKS) <= 1.0 / _GOES_ON:
-            return Outcome.STEADY if max(swings[-_BLOCKS:]) <= STEADY_SWING else Outcome.SWINGS
+        if to_the_end and abs(trend(swings)) <= NO_TREND:
+            return Outcome.STEADY if swings[-1] <= STEADY_SWING else Outcome.SWINGS
     died = simulation.time - last_event > _SLIDING_PERIODS * natural
     return None if died and to_the_end else Outcome.STICKS
 
@@ -128,7 +132,7 @@ def _dithered_course(
     start = 0.0 if gains.integral else held / float(gains.stiffness)
     count = max(phases + 1, round(PERIODS_AT_ONCE * natural / period))
     last, seen = np.zeros(0), []
-    for _ in range(_MOST_BLOCKS):
+    for _ in range(_MOST_DITHERED):
         times = simulation.time + period * np.arange(float(count))
         references = start + speed * times
         reach = abs(start) + speed * natural
@@ -137,9 +141,9 @@ def _dithered_course(
         last = position[-phases:]
         mean_speed = (position[phases:] - position[:-phases]) / (phases * period * speed)
         seen.append((float(mean_speed.min()), float(np.abs(mean_speed - 1.0).max())))
-        if len(seen) > _REPEATS and np.ptp(seen[-_REPEATS:], axis=0).max() <= _SAME_DITHERED:
+        if len(seen) > _LAST_DITHERED and np.ptp(seen[-_LAST_DITHERED:], axis=0).max() <= _SAME_DITHERED:
             break
-    slowest, swing = np.array(seen[-_REPEATS:]).T
+    slowest, swing = np.array(seen[-_LAST_DITHERED:]).T
     if slowest.min() <= _AT_REST:
         return Outcome.STICKS
     return Outcome.STEADY if swing.max() <= STEADY_SWING else Outcome.SWINGS
@@ -150,9 +154,3 @@ def _samples_between_phases(period: float, frequency: float) -> int:
     cycle = 1.0 / (frequency * period)
     few = [number * cycle for number in range(1, _MOST_CYCLES_OF_DITHER + 1)]
     return round(next((one for one in few if abs(one - round(one)) <= _PHASE), few[-1]))
-
-
-def _settled(levels: list[float]) -> bool:
-    if len(levels) >= 4 and repeats(levels, _SETTLED):
-        return True
-    return len(levels) >= 6 * _BLOCK and block_ratio(levels, _BLOCK) > 1.0 - _BLOCK_DROP

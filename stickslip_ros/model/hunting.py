@@ -24,9 +24,8 @@ from stickslip_ros.model.long_motion import (
     PERIODS_AT_ONCE,
     UnstableLoopError,
     advanced,
-    block_ratio,
+    cycles_persist,
     natural_period,
-    repeats,
     too_fast,
 )
 from stickslip_ros.model.loop_modes import loop_is_unstable
@@ -41,10 +40,8 @@ _LONGEST_STRETCH = 64  # longest simulation between two looks, of the shortest o
 _COARSER = 16  # factor on the interval between looks while the joint stands, 1
 _VANISHED = 1e-3  # swing, of the stretch that Stribeck friction alone holds: with less it has vanished
 _AGAIN = 4  # swings that are compared with as many before, 1
-# Change of a swing, of the swing: with less than the first there is none; with less than the second, from block to
-# block, the swings last.
-_ALIKE, _CLOSE = 1e-3, 0.05
-_MANY, _MOST_SWINGS, _BLOCK = 80, 400, 20  # swings, 1: from which on blocks are compared; at most; of a block
+_ALIKE = 1e-3  # change of a swing, of the swing: with less there is none
+_GROWING, _BLOCK = 200, 20  # swings that have grown all the time, 1; swings of a block, whose largest one counts, 1
 _ONE_WAY = 30  # slips in one direction, 1: so many are no hunting
 _FULL = 0.95  # Stribeck friction, of that after long contact: with more it does not rise any more
 _SLOW = 0.5  # speed, Stribeck velocities: below it a slower slide is a more stable one
@@ -299,22 +296,14 @@ class _Slips:
 
     def hunts(self, *, unstable: bool) -> bool:
         """Whether the swings come to repeat themselves; or where they never quite do, do not decay."""
-        swings = self._whole
-        if len(swings) < 3 * _AGAIN:
-            return False
-        if repeats(swings[-3 * _AGAIN :].reshape(3, _AGAIN).max(axis=1), _ALIKE):
-            return True
-        if len(swings) < _MANY:
-            return False
-        ratio = block_ratio(swings, _BLOCK, np.max)
-        return (not unstable and abs(ratio - 1.0) < _CLOSE) or (len(swings) >= _MOST_SWINGS and ratio > 1.0 - _CLOSE)
+        return cycles_persist(self._whole, _ALIKE, group=_AGAIN, bounded=not unstable)
 
     def grow(self) -> bool:
         """Whether the swings have grown all the time, long enough to come to an end of that."""
         swings = self._whole
-        if len(swings) < _MOST_SWINGS // 2:
+        if len(swings) < _GROWING:
             return False
-        blocks = swings[-(_MOST_SWINGS // 2) :].reshape(-1, _BLOCK).max(axis=1)
+        blocks = swings[-_GROWING:].reshape(-1, _BLOCK).max(axis=1)
         return bool((np.diff(blocks) > _ALIKE * blocks[:-1]).all())
 
     def decayed(self, small: float) -> bool:

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""What a long simulated motion shows: it grows without end, or its sizes repeat themselves, or they last.
+"""What a long simulated motion shows: it grows without end, its cycles persist, or sizes of them have no trend.
 
 Sizes are one number a cycle: friction levels at breakaway, lengths of swings, departures from a speed. Their judge is
-here for every simulation in SI units (:mod:`.controlled`, :mod:`.hunting`). The cycle map has its own
-(:mod:`.exact`, :mod:`.outcome`): from one number, the level at breakaway, it computes the next cycle of any level, so
-that it looks ahead to a limit in place of waiting for it. Beyond the paper's case a cycle begins with more numbers.
+here for every simulation in SI units, :mod:`stickslip_ros.model.controlled` and :mod:`stickslip_ros.model.hunting`. The
+cycle map of :mod:`stickslip_ros.model.exact` has one of its own: the level at breakaway is all its state, so that it
+computes the limit of the levels. In SI units a cycle begins with more numbers, and a limit is waited for.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,9 @@ from stickslip_ros.model.loop_modes import loop_is_unstable
 UNSTABLE = "the loop is unstable: its motion grows without end"
 PERIODS_AT_ONCE = 8  # natural periods simulated by one call, 1
 
+_MANY_CYCLES, MOST_CYCLES = 80, 400  # cycles, 1: from which on their trend counts; that are followed
+NO_TREND = 0.01  # change from block to block, of the size, 1: less is lost in what sampling scatters
+_BLOCK = 10  # sizes of a block, 1: the mean of so many scatters by a third of what one of them does
 _FASTEST_CONTROLLER = 3000  # controller periods in a natural period, 1: with more sampling is not followed
 _FAR = 30.0  # distance, of what the joint has to do with and what friction holds: a joint so far off runs away
 
@@ -80,23 +83,35 @@ def advanced(
     return motion
 
 
-def repeats(sizes: Sequence[float] | NDArray[np.float64], change: float) -> bool:
-    """Whether the last of three or more sizes is the one before to a relative change that does not grow.
+def trend(sizes: Sequence[float] | NDArray[np.float64]) -> float:
+    """Relative change of the mean of a block of sizes from the block before it to the last; NaN without two blocks.
 
-    Below the square of it a change is rounding, and may grow.
+    A motion that never quite repeats itself, as one that a controller samples, lasts where it is within NO_TREND.
     """
-    first, before, latest = sizes[-3:]
-    latest_change = abs(latest - before)
-    return bool(latest_change <= change * before and latest_change <= max(abs(before - first), change**2 * before))
-
-
-def block_ratio(
-    sizes: Sequence[float] | NDArray[np.float64], block: int, size_of: Callable[..., float] = np.mean
-) -> float:
-    """Mean, or another size, of a last block of sizes over that of the block before; NaN if there are too few.
-
-    A motion that never quite repeats itself, as one that a controller samples, lasts where this is 1.
-    """
-    if len(sizes) < 2 * block:
+    if len(sizes) < 2 * _BLOCK:
         return math.nan
-    return float(size_of(sizes[-block:]) / size_of(sizes[-2 * block : -block]))
+    return float(np.mean(sizes[-_BLOCK:]) / np.mean(sizes[-2 * _BLOCK : -_BLOCK]) - 1.0)
+
+
+def cycles_persist(
+    sizes: Sequence[float] | NDArray[np.float64], change: float, *, group: int = 1, bounded: bool = True
+) -> bool:
+    """Whether cycles go on for ever: they come to repeat themselves, or after many of them have no trend.
+
+    Parameters
+    ----------
+    sizes : of successive cycles. change : of the sizes, relative: with less, that does not grow, they repeat
+        themselves; below the square of it a change is rounding, and may grow.
+    group : cycles of which the largest one counts, where directions take turns.
+    bounded : whether their growth comes to an end; where the loop is unstable, only the most cycles show that.
+    """
+    if len(sizes) < 3 * group:
+        return False
+    first, before, latest = np.reshape(sizes[-3 * group :], (3, group)).max(axis=1)
+    latest_change = abs(latest - before)
+    if latest_change <= change * before and latest_change <= max(abs(before - first), change**2 * before):
+        return True
+    if len(sizes) < _MANY_CYCLES:
+        return False
+    growth = trend(sizes)
+    return (bounded and abs(growth) <= NO_TREND) or (len(sizes) >= MOST_CYCLES and growth > -NO_TREND)
