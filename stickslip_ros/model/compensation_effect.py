@@ -18,7 +18,7 @@ from stickslip_ros.model.dimensionless import damping_for_ratio
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.model.long_motion import UNSTABLE, UnstableLoopError, advanced, natural_period
-from stickslip_ros.model.outcome import Outcome
+from stickslip_ros.model.outcome import ORDER, Outcome
 from stickslip_ros.model.reversal import ReferenceMotion, Reversal, reversals, triangle
 from stickslip_ros.model.verdict import Detail, ExactVerdict, verdict
 
@@ -32,7 +32,6 @@ _KICK = 2.0  # distance at which a joint that is to stand still begins, of what 
 # Growth of the error as a factor, and of the error at the reversal as a share: less does not count.
 _WORSE, _LITTLE = 1.02, 0.05
 _MORE_DAMPING = 1.05  # growth of ρ_c as a factor, 1: less does not count
-_ORDER = [Outcome.STEADY, Outcome.SWINGS, None, Outcome.STICKS]
 _REVERSAL_RANGE = 10.0  # half of the way between two reversals, of what static friction holds
 
 
@@ -209,7 +208,7 @@ def largest_harmless_share(
         if ask_damping and not case.smooth_at(enough):
             return False
         outcome = case.verdict(Detail.OUTCOME).outcome
-        return _ORDER.index(outcome) <= _ORDER.index(without.outcome)
+        return ORDER.index(outcome) <= ORDER.index(without.outcome)
 
     _, low = first_reached(
         lambda share: share > 0.0 and not harmless(share),

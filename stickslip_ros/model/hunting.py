@@ -207,7 +207,8 @@ def _course(joint: Joint, gains: Gains, conditions: OperatingConditions, start: 
     count = max(1, round(PERIODS_AT_ONCE * natural / period))
     unstable = loop_is_unstable(joint, gains, conditions)
     slips = _Slips(offset)
-    slide = _Slide(joint)
+    slow = _SLOW * float(joint.friction.stribeck_velocity)
+    slide = [math.inf]  # changes of the speed in the last stretches of a slow slide
     reach = STARTS[-1] * _held(joint) / stiffness
     small = _VANISHED * (float(joint.friction.stribeck) or 1e-3 * _held(joint)) / stiffness
     stretch = 1
@@ -227,13 +228,16 @@ def _course(joint: Joint, gains: Gains, conditions: OperatingConditions, start: 
         if unstable and slips.grow():
             return _GROWN
         quiet = not motion.events
+        slides = quiet and not simulation.stuck and float(np.abs(motion.velocity).max()) <= slow
+        spread = float(np.abs(np.diff(motion.velocity)).max(initial=0.0))
+        slide = [*slide[-_STEADIER:], spread] if slides else [math.inf]
         stretch = min(2 * stretch, _LONGEST_STRETCH) if quiet else 1
         if (
             slips.decayed(small)
             or slips.creep(float(joint.friction.stribeck))
             or (quiet and float(np.abs(errors).max()) < small)
             or (quiet and simulation.stuck and _holds(joint, gains, conditions, simulation, float(errors[-1])))
-            or slide.calms(motion.velocity, sliding=quiet and not simulation.stuck and not unstable)
+            or (not unstable and len(slide) > _STEADIER and (np.diff(slide) <= 0.0).all())
         ):
             return _SETTLED
     return _SETTLED
@@ -334,22 +338,3 @@ class _Slips:
             amplitude=0.5 * abs(self._ends[at] - self._ends[at - 1]),  # what a contact gives way is in it
             rest=_Start(spring=spring, integral=direction * _held(joint) - spring),
         )
-
-
-class _Slide:
-    """A slide without a stop that becomes slower and calmer all the time."""
-
-    def __init__(self, joint: Joint) -> None:
-        self._slow = _SLOW * float(joint.friction.stribeck_velocity)
-        self._swing = math.inf
-        self._calmer = 0
-
-    def calms(self, velocity: NDArray[np.float64], *, sliding: bool) -> bool:
-        """Whether it has done so for three stretches: the slower, the less friction falls with speed."""
-        if not sliding or float(np.abs(velocity).max()) > self._slow:
-            self._swing, self._calmer = math.inf, 0
-            return False
-        swing = float(np.abs(np.diff(velocity)).max(initial=0.0))
-        self._calmer = self._calmer + 1 if swing <= self._swing else 0
-        self._swing = swing
-        return self._calmer >= _STEADIER

@@ -44,7 +44,7 @@ _OUTCOMES = {
     kernel.STICKS: Outcome.STICKS,
     kernel.UNDECIDED: None,
 }
-_ORDER = [Outcome.STEADY, Outcome.SWINGS, None, Outcome.STICKS]
+ORDER = [Outcome.STEADY, Outcome.SWINGS, None, Outcome.STICKS]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +87,7 @@ class Outcomes:
     @property
     def worst(self) -> Outcome | None:
         """Of one joint, the one that counts; None if it is not decided whether the other one is as bad."""
-        return max(self.stuck, self.sliding, key=_ORDER.index)
+        return max(self.stuck, self.sliding, key=ORDER.index)
 
     @property
     def depends_on_start(self) -> bool:
