@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Beyond the paper: does stick-slip persist under integral action, sampled control, or at standstill?
+"""Beyond the paper at a constant speed: does stick-slip persist under integral action, sampled control, on a contact?
 
 No condition in closed form covers these; the joint is simulated, in SI units, until its cycles tell.
 """
