@@ -16,10 +16,10 @@ import random_points
 
 from stickslip_ros.model.compensation_effect import compensation_effect, largest_harmless_share
 from stickslip_ros.model.conditions import OperatingConditions
-from stickslip_ros.model.controlled import natural_period
 from stickslip_ros.model.dimensionless import damping_for_ratio
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.hunting import hunting, largest_non_hunting_integral, least_quiet_stiffness
+from stickslip_ros.model.long_motion import natural_period
 from stickslip_ros.model.margin import lowest_smooth_velocity, stability_margin
 from stickslip_ros.model.reversal import reversals, sine, triangle
 from stickslip_ros.model.verdict import verdict as verdict_on

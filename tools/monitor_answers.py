@@ -17,8 +17,8 @@ import random_machines
 import varying_machines
 
 from stickslip_ros.model.conditions import OperatingConditions
-from stickslip_ros.model.controlled import natural_period
 from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.long_motion import natural_period
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.advice.adviser import AdviceQuestion, advise
 from stickslip_ros.monitoring.advice.limits import Criterion, ObservedLoop

@@ -24,7 +24,7 @@ from stickslip_ros.model.compensation_effect import (
     compensation_effect,
     largest_harmless_share,
 )
-from stickslip_ros.model.controlled import OperatingConditions
+from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.monitoring.advice.compensations import At
 from stickslip_ros.output.csv_table import write_csv

@@ -22,7 +22,7 @@ from stickslip_ros.cli.terminal import Terminal, console_of_tables, fitting, new
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.model._friction_law import CONTACTS, ELASTO_PLASTIC, LAWS, PAPERS_LAW
 from stickslip_ros.model._validation import require_not_negative
-from stickslip_ros.model.controlled import HUNTING, OperatingConditions
+from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import (
     FRICTION_PARAMETERS,
     PRESLIDING_PARAMETERS,
@@ -36,6 +36,7 @@ from stickslip_ros.model.margin import change_factors
 from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.model.transmission import SIDES
 from stickslip_ros.model.units import unit_of
+from stickslip_ros.model.verdict import HUNTING
 from stickslip_ros.output.as_json import json_text, margin_json
 from stickslip_ros.output.published import number, numbers
 from stickslip_ros.output.wording import OUTCOME_WORDS, with_prefix

@@ -32,7 +32,7 @@ from stickslip_ros.cli.trajectory import read_trajectory, write_trajectory
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.model._validation import require_not_negative, require_positive
 from stickslip_ros.model.compensation import USUAL_FILTER
-from stickslip_ros.model.controlled import OperatingConditions
+from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.verdict import beyond_the_paper, verdict
 from stickslip_ros.monitoring.advice.compensations import compensations

@@ -32,7 +32,7 @@ from stickslip_ros.cli.outputs import PICTURE
 from stickslip_ros.cli.terminal import Terminal, new_table
 from stickslip_ros.cli.trajectory import read_trajectory
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
-from stickslip_ros.model.controlled import OperatingConditions
+from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.reversal import (
     TURN,

@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 from stickslip_ros.model.bisection import first_reached
 from stickslip_ros.model.compensation import Compensation
 from stickslip_ros.model.conditions import OperatingConditions
-from stickslip_ros.model.controlled import natural_period
 from stickslip_ros.model.dimensionless import damping_for_ratio
-from stickslip_ros.model.divergence import UNSTABLE, UnstableLoopError, runs_away
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
-from stickslip_ros.model.outcome import Outcome
+from stickslip_ros.model.long_motion import UNSTABLE, UnstableLoopError, advanced, natural_period
+from stickslip_ros.model.outcome import ORDER, Outcome
 from stickslip_ros.model.reversal import ReferenceMotion, Reversal, reversals, triangle
 from stickslip_ros.model.verdict import Detail, ExactVerdict, verdict
 
@@ -33,7 +32,6 @@ _KICK = 2.0  # distance at which a joint that is to stand still begins, of what 
 # Growth of the error as a factor, and of the error at the reversal as a share: less does not count.
 _WORSE, _LITTLE = 1.02, 0.05
 _MORE_DAMPING = 1.05  # growth of ρ_c as a factor, 1: less does not count
-_ORDER = [Outcome.STEADY, Outcome.SWINGS, None, Outcome.STICKS]
 _REVERSAL_RANGE = 10.0  # half of the way between two reversals, of what static friction holds
 
 
@@ -78,10 +76,6 @@ class _Case:
     conditions: OperatingConditions
 
     @property
-    def _natural(self) -> float:
-        return natural_period(self.joint, self.gains)
-
-    @property
     def _held(self) -> float:
         friction = self.joint.friction
         return (float(friction.coulomb) + float(friction.stribeck)) / float(self.gains.stiffness)
@@ -111,15 +105,14 @@ class _Case:
     def _late_errors(self, reference: Callable[[FloatArray], FloatArray]) -> FloatArray:
         """Following error once what came first has passed."""
         gains, conditions = self.gains, self.conditions
-        period = conditions.period or self._natural / 64.0
-        count = math.ceil(_PERIODS * self._natural / period)
+        natural = natural_period(self.joint, gains)
+        period = conditions.period or natural / 64.0
+        count = math.ceil(_PERIODS * natural / period)
         simulation = JointSimulation.under(self.joint, gains, conditions)
         positions = reference(period * np.arange(count + 1.0))
-        motion = simulation.advance(period, positions[:-1], np.diff(positions) / period)
-        errors = positions[1:] - motion.position
-        if runs_away(self.joint, gains, conditions, errors, float(np.abs(positions).max())):
-            raise UnstableLoopError
-        return errors[-count // 3 :]
+        reach = float(np.abs(positions).max())
+        motion = advanced(simulation, conditions, period, positions[:-1], np.diff(positions) / period, reach)
+        return (positions[1:] - motion.position)[-count // 3 :]
 
 
 def compensation_effect(
@@ -215,7 +208,7 @@ def largest_harmless_share(
         if ask_damping and not case.smooth_at(enough):
             return False
         outcome = case.verdict(Detail.OUTCOME).outcome
-        return _ORDER.index(outcome) <= _ORDER.index(without.outcome)
+        return ORDER.index(outcome) <= ORDER.index(without.outcome)
 
     _, low = first_reached(
         lambda share: share > 0.0 and not harmless(share),

@@ -1,87 +1,74 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Beyond the paper: does stick-slip persist under integral action, sampled control, or at standstill?
+"""Beyond the paper at a constant speed: does stick-slip persist under integral action, sampled control, on a contact?
 
 No condition in closed form covers these; the joint is simulated, in SI units, until its cycles tell.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from stickslip_ros.model._sliding_kernel import STEADY_SWING
-from stickslip_ros.model.bounds import TINY
-from stickslip_ros.model.conditions import OperatingConditions as OperatingConditions
-from stickslip_ros.model.divergence import runs_away
+from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
+from stickslip_ros.model.long_motion import (
+    MOST_CYCLES,
+    NO_TREND,
+    PERIODS_AT_ONCE,
+    advanced,
+    cycles_persist,
+    natural_period,
+    trend,
+)
 from stickslip_ros.model.outcome import Outcome
 
-HUNTING = "hunting"
-
 _COULOMB = 10.0  # Coulomb friction, of the Stribeck friction: enough that an arrested joint never slips back
-_SETTLED = 1e-6  # change of the breakaway level from one cycle to the next, of the level: with less it has settled
-_BLOCK = 10  # cycles whose mean is compared where levels do not settle, 1
-_BLOCK_DROP = 0.01  # fall of that mean from block to block, of the mean: with less the levels have settled
-_MOST_CYCLES = 400  # cycles that are followed, 1
-# Change of a swing, of the swing; stretches of `PERIODS_AT_ONCE` in a row with no more, 1: it goes on.
-_SAME_SWING, _REPEATS = 2e-3, 3
+# Change of the breakaway level from one cycle to the next, of the level: with less it has settled. Close to the
+# boundary a level that falls in the end stays almost the same for long.
+_SETTLED = 1e-6
 _MOST_PERIODS = 1000  # simulated span, natural periods
-PERIODS_AT_ONCE = 8  # natural periods simulated by one call, 1
 _SAMPLES_A_PERIOD = 64  # samples of continuous control in a natural period, 1
 _SLIDING_PERIODS = 16  # time without an event, natural periods: with more the joint slides
-# Stretches that are compared with as many where a joint is compensated, 1; ratio of swings that go on, 1.
-_BLOCKS, _GOES_ON = 6, 0.98
-# Stretches simulated under dither, 1; scatter of slowest speed and swing over the last ones, of the commanded speed.
-_MOST_BLOCKS, _SAME_DITHERED = 25, 0.02
+# Stretches simulated under dither, 1; how many of them are compared, 1; scatter of slowest speed and swing over these,
+# of the commanded speed.
+_MOST_DITHERED, _LAST_DITHERED, _SAME_DITHERED = 25, 3, 0.02
 _AT_REST = 0.01  # speed between like phases of a dither, of the commanded one: with less the joint is at rest
 # Periods of a dither in a number of samples, 1; error of the phase then, samples.
 _MOST_CYCLES_OF_DITHER, _PHASE = 8, 0.1
-_FASTEST_CONTROLLER = 3000  # controller periods in a natural period, 1: with more sampling is not followed
-
-
-@dataclass(frozen=True, kw_only=True)
-class ControlledCourse:
-    """What becomes of a joint that breaks away with full static friction.
-
-    Attributes
-    ----------
-    persists : whether stick-slip goes on for ever, or the motion grows without end: 1.0 or 0.0; NaN if the controller
-        is too fast beside the joint to be followed.
-    outcome : None where there is none to tell. unstable : its motion grows without end.
-    """
-
-    persists: float
-    outcome: Outcome | None = None
-    unstable: bool = False
 
 
 def controlled_course(
     joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions, *, to_the_end: bool = True
-) -> ControlledCourse:
+) -> Outcome | None:
     """What becomes of a joint that breaks away with full static friction; scalars only.
 
-    Stick-slip goes on if the breakaway levels come to rest, or where sampling keeps them from that, if their mean over
-    ten cycles does not fall any more. It has died if the joint slides on with an oscillation that does not grow.
+    Stick-slip goes on if the breakaway levels do, by :func:`stickslip_ros.model.long_motion.cycles_persist`. It has
+    died if the joint slides on with an oscillation that does not grow.
 
     Parameters
     ----------
     to_the_end : whether a joint that slides on is followed until its largest departure from the speed within eight
-        natural periods is a tenth of that at most and does not grow, or stays the same. If it does neither in a
-        thousand natural periods, there is no outcome.
+        natural periods is a tenth of that at most and does not grow, or has no trend.
+
+    Returns
+    -------
+    None if stick-slip has died and no more is seen: in a thousand natural periods, or not ``to_the_end``.
+
+    Raises
+    ------
+    UnstableLoopError
+        If the motion grows without end.
     """
-    stiffness, speed = float(gains.stiffness), abs(float(velocity))
+    speed, compensation = abs(float(velocity)), conditions.compensation
     natural = natural_period(joint, gains)
-    period = step_period(conditions, natural)
-    if math.isnan(period):
-        return ControlledCourse(persists=math.nan)
-    friction, compensation = joint.friction, conditions.compensation
+    period = conditions.period or natural / _SAMPLES_A_PERIOD
     if compensation is not None and compensation.dither > 0:
         return _dithered_course(joint, gains, speed, conditions, period, natural)
+    stiffness, friction = float(gains.stiffness), joint.friction
     compensated = compensation is not None and compensation.by_motion
     # What compensates has the size of the Coulomb friction, or the sign of the error, which that makes; a contact that
     # gives way does so by all that it holds, and a load that rings pulls either way: there it does not cancel.
@@ -101,57 +88,38 @@ def controlled_course(
     count = max(1, round(PERIODS_AT_ONCE * natural / period))
     # How far behind its reference a joint may be that has only begun to slide.
     reach = abs(force) / stiffness + speed * natural
-    sticks = ControlledCourse(persists=1.0, outcome=Outcome.STICKS)
     levels: list[float] = []
-    slowest_before, last_event, swing_before, repeats = -math.inf, 0.0, math.inf, 0
     swings: list[float] = []
-    while simulation.time < _MOST_PERIODS * natural and len(levels) < _MOST_CYCLES:
+    last_event = 0.0
+    while simulation.time < _MOST_PERIODS * natural and len(levels) < MOST_CYCLES:
         times = simulation.time + period * np.arange(float(count))
-        references = force / stiffness + speed * times
-        motion = simulation.advance(period, references, np.full(count, speed))
+        motion = advanced(simulation, conditions, period, force / stiffness + speed * times, speed, reach)
         if len(motion.event_rows):
             last_event = motion.last_event
             levels += motion.breakaway_levels.tolist()
             swings.clear()
-        if runs_away(joint, gains, conditions, references - motion.position, reach):
-            return ControlledCourse(persists=1.0, unstable=True)
-        if _settled(levels):
-            return sticks
-        if simulation.stuck:
-            continue
-        slowest = float(motion.velocity.min()) if not len(motion.event_rows) else -math.inf
-        slides = simulation.time - last_event > _SLIDING_PERIODS * natural
+        if cycles_persist(levels, _SETTLED):
+            return Outcome.STICKS
         swing = float(np.abs(motion.velocity - speed).max()) / speed
+        if simulation.stuck and swing > STEADY_SWING:
+            continue  # a contact that creeps lets a joint move at its speed that has not broken away
         swings.append(swing)
-        if slides and to_the_end and compensated and _goes_on(swings):
-            # Counts and samples make a swing that is never twice the same.
-            steady = max(swings[-_BLOCKS:]) <= STEADY_SWING
-            return ControlledCourse(persists=0.0, outcome=Outcome.STEADY if steady else Outcome.SWINGS)
-        if slides and slowest >= slowest_before:
-            repeats = repeats + 1 if abs(swing - swing_before) <= _SAME_SWING * swing else 0
+        if simulation.time - last_event <= _SLIDING_PERIODS * natural or len(swings) < 2:
+            continue
+        if swings[-1] <= swings[-2]:
             if not to_the_end:
-                return ControlledCourse(persists=0.0)
-            if swing <= STEADY_SWING and swing <= swing_before:
-                return ControlledCourse(persists=0.0, outcome=Outcome.STEADY)
-            if repeats >= _REPEATS:
-                return ControlledCourse(persists=0.0, outcome=Outcome.SWINGS)
-            swing_before = swing
-        slowest_before = slowest
+                return None
+            if swings[-1] <= STEADY_SWING:
+                return Outcome.STEADY
+        if to_the_end and abs(trend(swings)) <= NO_TREND:
+            return Outcome.STEADY if swings[-1] <= STEADY_SWING else Outcome.SWINGS
     died = simulation.time - last_event > _SLIDING_PERIODS * natural
-    return ControlledCourse(persists=0.0) if died and to_the_end else sticks
-
-
-def _goes_on(swings: Sequence[float]) -> bool:
-    """Whether the largest departures of as many blocks do not fall from the half of them before to the later half."""
-    if len(swings) < 2 * _BLOCKS:
-        return False
-    before, after = np.mean(swings[-2 * _BLOCKS : -_BLOCKS]), np.mean(swings[-_BLOCKS:])
-    return bool(after >= _GOES_ON * before)
+    return None if died and to_the_end else Outcome.STICKS
 
 
 def _dithered_course(
     joint: Joint, gains: Gains, speed: float, conditions: OperatingConditions, period: float, natural: float
-) -> ControlledCourse:
+) -> Outcome:
     """What becomes of a joint under dither, which stops and starts it all the time: of the motion between like phases.
 
     It sticks if that motion comes to rest again and again, is steady if its speed keeps within a tenth of the commanded
@@ -164,22 +132,21 @@ def _dithered_course(
     start = 0.0 if gains.integral else held / float(gains.stiffness)
     count = max(phases + 1, round(PERIODS_AT_ONCE * natural / period))
     last, seen = np.zeros(0), []
-    for _ in range(_MOST_BLOCKS):
+    for _ in range(_MOST_DITHERED):
         times = simulation.time + period * np.arange(float(count))
         references = start + speed * times
-        position = simulation.advance(period, references, np.full(count, speed)).position
-        if runs_away(joint, gains, conditions, references - position, abs(start) + speed * natural):
-            return ControlledCourse(persists=1.0, unstable=True)
+        reach = abs(start) + speed * natural
+        position = advanced(simulation, conditions, period, references, speed, reach).position
         position = np.concatenate([last, position])
         last = position[-phases:]
         mean_speed = (position[phases:] - position[:-phases]) / (phases * period * speed)
         seen.append((float(mean_speed.min()), float(np.abs(mean_speed - 1.0).max())))
-        if len(seen) > _REPEATS and np.ptp(seen[-_REPEATS:], axis=0).max() <= _SAME_DITHERED:
+        if len(seen) > _LAST_DITHERED and np.ptp(seen[-_LAST_DITHERED:], axis=0).max() <= _SAME_DITHERED:
             break
-    slowest, swing = np.array(seen[-_REPEATS:]).T
+    slowest, swing = np.array(seen[-_LAST_DITHERED:]).T
     if slowest.min() <= _AT_REST:
-        return ControlledCourse(persists=1.0, outcome=Outcome.STICKS)
-    return ControlledCourse(persists=0.0, outcome=Outcome.STEADY if swing.max() <= STEADY_SWING else Outcome.SWINGS)
+        return Outcome.STICKS
+    return Outcome.STEADY if swing.max() <= STEADY_SWING else Outcome.SWINGS
 
 
 def _samples_between_phases(period: float, frequency: float) -> int:
@@ -187,25 +154,3 @@ def _samples_between_phases(period: float, frequency: float) -> int:
     cycle = 1.0 / (frequency * period)
     few = [number * cycle for number in range(1, _MOST_CYCLES_OF_DITHER + 1)]
     return round(next((one for one in few if abs(one - round(one)) <= _PHASE), few[-1]))
-
-
-def natural_period(joint: Joint, gains: Gains) -> float:
-    """2π/ω [s]."""
-    return 2.0 * math.pi * math.sqrt(float(joint.inertia) / float(gains.stiffness))
-
-
-def step_period(conditions: OperatingConditions, natural: float) -> float:
-    """The controller's period, or a sampling of continuous control; NaN if too short to be followed [s]."""
-    period = conditions.period or natural / _SAMPLES_A_PERIOD
-    return math.nan if period * _FASTEST_CONTROLLER < natural else period
-
-
-def _settled(levels: list[float]) -> bool:
-    if len(levels) >= 4:
-        steps = np.abs(np.diff(levels[-3:]))
-        if steps[-1] <= _SETTLED * max(levels[-1], TINY) and steps[-1] <= steps[0]:
-            return True
-    if len(levels) < 6 * _BLOCK:
-        return False
-    before, after = np.mean(levels[-2 * _BLOCK : -_BLOCK]), np.mean(levels[-_BLOCK:])
-    return bool(before - after < _BLOCK_DROP * before)

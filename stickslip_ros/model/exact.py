@@ -139,7 +139,7 @@ def evaluate(
     return found
 
 
-def exact_lowest_smooth_velocity(joint: Joint, gains: Gains, *, tolerance: float = _TOLERANCE) -> float:
+def exact_lowest_smooth_velocity(joint: Joint, gains: Gains) -> float:
     """Speed [rad/s] from which on the cycle dies out at this and every higher speed; scalars only.
 
     Scanned on a logarithmic grid from 1000 x˙_s down to a thousandth of it, then bisected. 0 if every speed is
@@ -147,12 +147,10 @@ def exact_lowest_smooth_velocity(joint: Joint, gains: Gains, *, tolerance: float
     """
     own = float(joint.friction.stribeck_velocity)
     low, high = (own * 10.0**decade for decade in VELOCITY_DECADES)
-    return _boundary(lambda velocity: dimensionless_groups(joint, gains, velocity), _grid(high, low), 1.0, tolerance)
+    return _boundary(lambda velocity: dimensionless_groups(joint, gains, velocity), _grid(high, low), 1.0)
 
 
-def exact_least_smooth_stiffness(
-    joint: Joint, velocity: float, *, damping: float = 0.0, tolerance: float = _TOLERANCE
-) -> float:
+def exact_least_smooth_stiffness(joint: Joint, velocity: float, *, damping: float = 0.0) -> float:
     """Least stiffness k_p [N·m/rad] at which the cycle dies out, at a fixed damping k_v; scalars only.
 
     Scanned upwards from the stiffness at which F*_s∞ = 30 to where τ* = 2π, without lag eight decades above that
@@ -166,7 +164,6 @@ def exact_least_smooth_stiffness(
         lambda stiffness: dimensionless_groups(joint, Gains(stiffness=stiffness, damping=damping), velocity),
         _grid(min(low, 0.1 * high), high),
         0.0,
-        tolerance,
     )
 
 
@@ -175,9 +172,7 @@ def _grid(start: float, end: float) -> list[float]:
     return [float(value) for value in np.geomspace(start, end, count + 1)]
 
 
-def _boundary(
-    groups_at: Callable[[float], DimensionlessGroups], grid: list[float], wanted: float, tolerance: float
-) -> float:
+def _boundary(groups_at: Callable[[float], DimensionlessGroups], grid: list[float], wanted: float) -> float:
     """Argument at which :func:`cycle_persists` first becomes ``wanted`` along the grid.
 
     Where that is at its beginning, or nowhere: the smooth side's 0, the other's infinity.
@@ -193,7 +188,7 @@ def _boundary(
         return None if math.isnan(persists) else persists == wanted
 
     argument, before = first_reached(
-        reached, grid, lambda inside, outside: abs(outside - inside) > tolerance * inside, geometric=True
+        reached, grid, lambda inside, outside: abs(outside - inside) > _TOLERANCE * inside, geometric=True
     )
     if argument is None and before is None:
         return math.nan

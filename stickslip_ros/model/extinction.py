@@ -143,12 +143,10 @@ def energy_margin(groups: DimensionlessGroups, *, rises_from_coulomb: bool = Fal
     return _unwrap(np.where(np.asarray(groups.velocity) > 0, margin, np.nan))
 
 
-def critical_damping_ratio(groups: DimensionlessGroups, *, rises_from_coulomb: bool = False) -> Real:
+def critical_damping_ratio(groups: DimensionlessGroups) -> Real:
     """ρ_c at which the margin of Eq. (43) is zero; 0 where the motion is smooth without any damping."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        ratio = friction_work(groups, rises_from_coulomb=rises_from_coulomb) / (
-            2.0 * np.pi * np.square(groups.velocity)
-        )
+        ratio = friction_work(groups) / (2.0 * np.pi * np.square(groups.velocity))
     return _unwrap(np.where(np.asarray(groups.velocity) > 0, np.maximum(ratio, 0.0), np.nan))
 
 

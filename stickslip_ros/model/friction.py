@@ -243,7 +243,7 @@ class Gains:
     """Gains of the controller of Eq. (4), with the integral action that the paper leaves out.
 
     Any finite values are taken, since controllers hold any; whether Eq. (43) applies to them is
-    answered by :func:`stickslip_ros.model.extinction.stability_margin`.
+    answered by :func:`stickslip_ros.model.margin.stability_margin`.
 
     Attributes
     ----------

@@ -18,10 +18,17 @@ from numpy.typing import NDArray
 
 from stickslip_ros.model.bisection import bisected_until
 from stickslip_ros.model.conditions import OperatingConditions
-from stickslip_ros.model.controlled import PERIODS_AT_ONCE, natural_period, step_period
-from stickslip_ros.model.divergence import loop_is_unstable, runs_away
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import Event, EventKind, JointSimulation
+from stickslip_ros.model.long_motion import (
+    PERIODS_AT_ONCE,
+    UnstableLoopError,
+    advanced,
+    cycles_persist,
+    natural_period,
+    too_fast,
+)
+from stickslip_ros.model.loop_modes import loop_is_unstable
 
 # How far off the reference a joint begins, at rest, in stretches of the spring that static friction just holds.
 STARTS = (1.0, 0.5, 3.0, 10.0)
@@ -33,10 +40,8 @@ _LONGEST_STRETCH = 64  # longest simulation between two looks, of the shortest o
 _COARSER = 16  # factor on the interval between looks while the joint stands, 1
 _VANISHED = 1e-3  # swing, of the stretch that Stribeck friction alone holds: with less it has vanished
 _AGAIN = 4  # swings that are compared with as many before, 1
-# Change of a swing, of the swing: with less than the first there is none; with less than the second, from block to
-# block, the swings last.
-_ALIKE, _CLOSE = 1e-3, 0.05
-_MANY, _MOST_SWINGS, _BLOCK = 80, 400, 20  # swings, 1: from which on blocks are compared; at most; of a block
+_ALIKE = 1e-3  # change of a swing, of the swing: with less there is none
+_GROWING, _BLOCK = 200, 20  # swings that have grown all the time, 1; swings of a block, whose largest one counts, 1
 _ONE_WAY = 30  # slips in one direction, 1: so many are no hunting
 _FULL = 0.95  # Stribeck friction, of that after long contact: with more it does not rise any more
 _SLOW = 0.5  # speed, Stribeck velocities: below it a slower slide is a more stable one
@@ -193,16 +198,17 @@ def _course(joint: Joint, gains: Gains, conditions: OperatingConditions, start: 
     if gains.integral == 0:
         return _SETTLED
     natural, stiffness = natural_period(joint, gains), float(gains.stiffness)
-    # Events are exact however seldom one looks.
-    period = step_period(conditions, natural) if conditions.period > 0 else natural / _SAMPLES_A_PERIOD
-    if math.isnan(period):
+    if too_fast(conditions, natural):
         return None
+    # Events are exact however seldom one looks.
+    period = conditions.period or natural / _SAMPLES_A_PERIOD
     offset = start.spring / stiffness
     simulation = JointSimulation.under(joint, gains, conditions, carried=conditions.load + start.integral)
     count = max(1, round(PERIODS_AT_ONCE * natural / period))
     unstable = loop_is_unstable(joint, gains, conditions)
     slips = _Slips(offset)
-    slide = _Slide(joint)
+    slow = _SLOW * float(joint.friction.stribeck_velocity)
+    slide = [math.inf]  # changes of the speed in the last stretches of a slow slide
     reach = STARTS[-1] * _held(joint) / stiffness
     small = _VANISHED * (float(joint.friction.stribeck) or 1e-3 * _held(joint)) / stiffness
     stretch = 1
@@ -210,10 +216,11 @@ def _course(joint: Joint, gains: Gains, conditions: OperatingConditions, start: 
         # A joint that neither slips nor stops is followed in ever longer stretches.
         coarser = min(stretch, _COARSER) if simulation.stuck and conditions.period == 0 else 1
         size = count * stretch // coarser
-        motion = simulation.advance(coarser * period, np.full(size, offset), np.zeros(size))
-        errors = offset - motion.position
-        if runs_away(joint, gains, conditions, errors, reach):
+        try:
+            motion = advanced(simulation, conditions, coarser * period, np.full(size, offset), 0.0, reach)
+        except UnstableLoopError:
             return _GROWN
+        errors = offset - motion.position
         for event in motion.events:
             slips.add_event(event)
         if slips.hunts(unstable=unstable):
@@ -221,13 +228,16 @@ def _course(joint: Joint, gains: Gains, conditions: OperatingConditions, start: 
         if unstable and slips.grow():
             return _GROWN
         quiet = not motion.events
+        slides = quiet and not simulation.stuck and float(np.abs(motion.velocity).max()) <= slow
+        spread = float(np.abs(np.diff(motion.velocity)).max(initial=0.0))
+        slide = [*slide[-_STEADIER:], spread] if slides else [math.inf]
         stretch = min(2 * stretch, _LONGEST_STRETCH) if quiet else 1
         if (
             slips.decayed(small)
             or slips.creep(float(joint.friction.stribeck))
             or (quiet and float(np.abs(errors).max()) < small)
             or (quiet and simulation.stuck and _holds(joint, gains, conditions, simulation, float(errors[-1])))
-            or slide.calms(motion.velocity, sliding=quiet and not simulation.stuck and not unstable)
+            or (not unstable and len(slide) > _STEADIER and (np.diff(slide) <= 0.0).all())
         ):
             return _SETTLED
     return _SETTLED
@@ -290,26 +300,14 @@ class _Slips:
 
     def hunts(self, *, unstable: bool) -> bool:
         """Whether the swings come to repeat themselves; or where they never quite do, do not decay."""
-        swings = self._whole
-        if len(swings) < 3 * _AGAIN:
-            return False
-        latest, before, first = (
-            float(swings[len(swings) - (k + 1) * _AGAIN : len(swings) - k * _AGAIN].max()) for k in range(3)
-        )
-        change, change_before = abs(latest - before), abs(before - first)
-        if change <= _ALIKE * before and change <= max(change_before, _ALIKE * _ALIKE * before):
-            return True
-        if len(swings) < _MANY:
-            return False
-        ratio = float(swings[-_BLOCK:].max() / swings[-2 * _BLOCK : -_BLOCK].max())
-        return (not unstable and abs(ratio - 1.0) < _CLOSE) or (len(swings) >= _MOST_SWINGS and ratio > 1.0 - _CLOSE)
+        return cycles_persist(self._whole, _ALIKE, group=_AGAIN, bounded=not unstable)
 
     def grow(self) -> bool:
         """Whether the swings have grown all the time, long enough to come to an end of that."""
         swings = self._whole
-        if len(swings) < _MOST_SWINGS // 2:
+        if len(swings) < _GROWING:
             return False
-        blocks = swings[-(_MOST_SWINGS // 2) :].reshape(-1, _BLOCK).max(axis=1)
+        blocks = swings[-_GROWING:].reshape(-1, _BLOCK).max(axis=1)
         return bool((np.diff(blocks) > _ALIKE * blocks[:-1]).all())
 
     def decayed(self, small: float) -> bool:
@@ -340,22 +338,3 @@ class _Slips:
             amplitude=0.5 * abs(self._ends[at] - self._ends[at - 1]),  # what a contact gives way is in it
             rest=_Start(spring=spring, integral=direction * _held(joint) - spring),
         )
-
-
-class _Slide:
-    """A slide without a stop that becomes slower and calmer all the time."""
-
-    def __init__(self, joint: Joint) -> None:
-        self._slow = _SLOW * float(joint.friction.stribeck_velocity)
-        self._swing = math.inf
-        self._calmer = 0
-
-    def calms(self, velocity: NDArray[np.float64], *, sliding: bool) -> bool:
-        """Whether it has done so for three stretches: the slower, the less friction falls with speed."""
-        if not sliding or float(np.abs(velocity).max()) > self._slow:
-            self._swing, self._calmer = math.inf, 0
-            return False
-        swing = float(np.abs(np.diff(velocity)).max(initial=0.0))
-        self._calmer = self._calmer + 1 if swing <= self._swing else 0
-        self._swing = swing
-        return self._calmer >= _STEADIER

@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint, Transmission
 
+# Excess of an eigenvalue's magnitude over 1, 1: what rounding makes of a mode that neither grows nor decays.
+_ON_THE_CIRCLE = 1e-9
+
 
 def loop_matrix(joint: Joint, gains: Gains, conditions: OperatingConditions) -> NDArray[np.float64]:
     """What a period of a sampled controller does to the loop's state, or the slopes of that under continuous control.
@@ -55,6 +58,25 @@ def loop_matrix(joint: Joint, gains: Gains, conditions: OperatingConditions) -> 
     loop[..., :size, :size] += plant[:size, :size]
     loop[..., :size, :] += plant[:size, size:] * applied[..., None, :]
     return loop
+
+
+def loop_is_unstable(joint: Joint, gains: Gains, conditions: OperatingConditions) -> bool:
+    """Whether the linear loop, viscous friction in it and no other, has a mode that grows; scalars only.
+
+    With continuous control of a rigid joint the roots of M s³ + (k_v + F_v) s² + k_p s + k_i, by Routh, F_v less what
+    an actuation delay takes off; otherwise the eigenvalues of :func:`loop_matrix`.
+    """
+    if conditions.controller_period > 0 or joint.transmission is not None:
+        loop = loop_matrix(joint, gains, conditions)
+        if not np.isfinite(loop).all():
+            return True
+        modes = np.linalg.eigvals(loop)
+        if conditions.controller_period > 0:
+            return bool(np.abs(modes).max() > 1.0 + _ON_THE_CIRCLE)
+        return bool(modes.real.max() > _ON_THE_CIRCLE * np.abs(modes).max())
+    inertia, stiffness, integral = float(joint.inertia), float(gains.stiffness), float(gains.integral)
+    damping = float(joint.total_damping(gains))
+    return damping < 0 or stiffness < 0 or integral < 0 or damping * stiffness < inertia * integral
 
 
 def least_modal_damping(joint: Joint, gains: Gains, conditions: OperatingConditions) -> NDArray[np.float64]:

@@ -109,27 +109,19 @@ def _reasons(joint: Joint, groups: DimensionlessGroups, gains: Gains, velocity: 
     return reasons
 
 
-def stability_margin(
-    joint: Joint, gains: Gains, velocity: Real, *, rises_from_coulomb: bool = False
-) -> StabilityMargin:
+@np.errstate(all="ignore")  # controllers may hold any gains; what overflows comes out as not applicable
+def stability_margin(joint: Joint, gains: Gains, velocity: Real) -> StabilityMargin:
     """Verdict of Eq. (43) on a joint under PD control moving at a commanded velocity.
 
     Parameters
     ----------
     joint, gains : the joint and its controller; their fields may be arrays.
     velocity : x˙_d [rad/s], scalar or array; the sign does not matter.
-    rises_from_coulomb : see :func:`stickslip_ros.model.extinction.steady_stribeck`.
 
     Returns
     -------
     StabilityMargin, of the broadcast shape.
     """
-    # Controllers may hold any gains; what overflows comes out as not applicable.
-    with np.errstate(all="ignore"):
-        return _stability_margin(joint, gains, velocity, rises_from_coulomb)
-
-
-def _stability_margin(joint: Joint, gains: Gains, velocity: Real, rises_from_coulomb: bool) -> StabilityMargin:
     groups = dimensionless_groups(joint, gains, velocity)
     reasons = _reasons(joint, groups, gains, velocity)
     applicable: NDArray[np.bool_] = np.array([reason is None for reason in reasons.flat], dtype=np.bool_)
@@ -138,20 +130,14 @@ def _stability_margin(joint: Joint, gains: Gains, velocity: Real, rises_from_cou
     def where_applicable(value: Real) -> NDArray[np.float64]:
         return np.where(applicable, value, np.nan)
 
-    margin = where_applicable(energy_margin(groups, rises_from_coulomb=rises_from_coulomb))
+    margin = where_applicable(energy_margin(groups))
     force_unit = joint.inertia * groups.natural_frequency * joint.friction.stribeck_velocity
     fields = {
         "energy_margin": margin,
         "damping_ratio": where_applicable(groups.damping_ratio),
-        "critical_damping_ratio": where_applicable(
-            critical_damping_ratio(groups, rises_from_coulomb=rises_from_coulomb)
-        ),
-        "reduction_factor": where_applicable(
-            1.0 if rises_from_coulomb else reduction_factor(groups.velocity, groups.lag)
-        ),
-        "steady_stribeck": where_applicable(
-            steady_stribeck(groups, rises_from_coulomb=rises_from_coulomb) * force_unit
-        ),
+        "critical_damping_ratio": where_applicable(critical_damping_ratio(groups)),
+        "reduction_factor": where_applicable(reduction_factor(groups.velocity, groups.lag)),
+        "steady_stribeck": where_applicable(steady_stribeck(groups) * force_unit),
         "natural_frequency": where_applicable(groups.natural_frequency),
     }
     smooth = margin > 0
@@ -165,7 +151,7 @@ def _stability_margin(joint: Joint, gains: Gains, velocity: Real, rises_from_cou
     return StabilityMargin(applicable=applicable, reason=reasons, smooth=smooth, **fields)
 
 
-def lowest_smooth_velocity(joint: Joint, gains: Gains, *, rises_from_coulomb: bool = False) -> Real:
+def lowest_smooth_velocity(joint: Joint, gains: Gains) -> Real:
     """Speed [rad/s] from which on Eq. (43) predicts smooth motion at this and every higher speed.
 
     0 if every speed is smooth, infinite if no speed up to 1000 x˙_s is, NaN where the equation does
@@ -174,17 +160,14 @@ def lowest_smooth_velocity(joint: Joint, gains: Gains, *, rises_from_coulomb: bo
     stribeck_velocity = np.asarray(joint.friction.stribeck_velocity, dtype=float)
 
     def margin_at(velocity: NDArray[np.float64]) -> NDArray[np.float64]:
-        margin = stability_margin(joint, gains, velocity, rises_from_coulomb=rises_from_coulomb)
-        return np.asarray(margin.energy_margin, dtype=float)
+        return np.asarray(stability_margin(joint, gains, velocity).energy_margin, dtype=float)
 
     shape = np.shape(dimensionless_groups(joint, gains, 1.0).stribeck)
     low, high = (np.broadcast_to(stribeck_velocity * 10.0**decade, shape) for decade in VELOCITY_DECADES)
     return _last_unsmooth(margin_at, low, high)
 
 
-def least_smooth_stiffness(
-    joint: Joint, velocity: Real, *, damping: Real = 0.0, rises_from_coulomb: bool = False
-) -> Real:
+def least_smooth_stiffness(joint: Joint, velocity: Real, *, damping: Real = 0.0) -> Real:
     """Stiffness k_p [N·m/rad] from which on Eq. (43) predicts smooth motion, at a fixed damping k_v.
 
     0 if every stiffness is smooth; infinite if none is up to the end of the domain (τ* = 2π, or
@@ -199,8 +182,7 @@ def least_smooth_stiffness(
 
     def margin_at(stiffness: NDArray[np.float64]) -> NDArray[np.float64]:
         gains = Gains(stiffness=stiffness, damping=damping)
-        margin = stability_margin(joint, gains, velocity, rises_from_coulomb=rises_from_coulomb)
-        return np.asarray(margin.energy_margin, dtype=float)
+        return np.asarray(stability_margin(joint, gains, velocity).energy_margin, dtype=float)
 
     return _last_unsmooth(margin_at, low, high)
 

@@ -19,7 +19,7 @@ from stickslip_ros.model import _outcome_kernel as kernel
 from stickslip_ros.model._earlier_names import earlier_names
 from stickslip_ros.model._friction_law import LAWS, stribeck_slope
 from stickslip_ros.model.dimensionless import DimensionlessGroups
-from stickslip_ros.model.exact import Progress, evaluate
+from stickslip_ros.model.exact import evaluate
 from stickslip_ros.model.friction import Real
 from stickslip_ros.model.simulation import point_arrays
 from stickslip_ros.model.steady_sliding import sliding_damping_ratio
@@ -44,7 +44,7 @@ _OUTCOMES = {
     kernel.STICKS: Outcome.STICKS,
     kernel.UNDECIDED: None,
 }
-_ORDER = [Outcome.STEADY, Outcome.SWINGS, None, Outcome.STICKS]
+ORDER = [Outcome.STEADY, Outcome.SWINGS, None, Outcome.STICKS]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +87,7 @@ class Outcomes:
     @property
     def worst(self) -> Outcome | None:
         """Of one joint, the one that counts; None if it is not decided whether the other one is as bad."""
-        return max(self.stuck, self.sliding, key=_ORDER.index)
+        return max(self.stuck, self.sliding, key=ORDER.index)
 
     @property
     def depends_on_start(self) -> bool:
@@ -111,14 +111,7 @@ def outcomes(groups: DimensionlessGroups) -> Outcomes:
     return Outcomes(groups=groups, numbers=numbers)
 
 
-def steady_damping_ratio(
-    groups: DimensionlessGroups,
-    *,
-    guess: Real | None = None,
-    tolerance: float = _TOLERANCE,
-    workers: int = 1,
-    progress: Progress | None = None,
-) -> Real:
+def steady_damping_ratio(groups: DimensionlessGroups) -> Real:
     """Damping ratio ρ_steady from which on the joint moves steadily from every start, the other groups as they are.
 
     Where friction falls with speed at a slope of at most L everywhere, no swing without a stop outlasts a damping ratio
@@ -128,9 +121,6 @@ def steady_damping_ratio(
     Parameters
     ----------
     groups : scalars or arrays that broadcast; the damping ratio is not used.
-    guess : where to begin the search instead: quicker, but a boundary far above it is not seen.
-    tolerance : relative, of the bisection. workers, progress : as for
-        :func:`stickslip_ros.model.exact.exact_critical_damping_ratio`.
 
     Returns
     -------
@@ -145,9 +135,8 @@ def steady_damping_ratio(
     undamped = replace(groups, natural_frequency=np.nan, damping_ratio=np.zeros(np.shape(groups.damping_ratio)))
     shape, points = point_arrays(undamped)
     steepest = -float(np.min(stribeck_slope(LAWS[groups.law], 1.0, _SPEEDS)))
-    first = 0.5 * steepest * points[1] * _ROOM if guess is None else np.broadcast_to(np.asarray(guess), shape).ravel()
-    guesses = np.array(first, dtype=float)
-    found = evaluate(kernel.STEADY_RATIO, points, groups.law, guesses, tolerance, workers, progress)[:, 0]
+    guesses = 0.5 * steepest * points[1] * _ROOM
+    found = evaluate(kernel.STEADY_RATIO, points, groups.law, guesses, _TOLERANCE)[:, 0]
     return float(found[0]) if shape == () else found.reshape(shape)
 
 

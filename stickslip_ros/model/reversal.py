@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_finite, require_positive
 from stickslip_ros.model.conditions import OperatingConditions
-from stickslip_ros.model.divergence import UnstableLoopError, runs_away
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation, Trajectory
+from stickslip_ros.model.long_motion import UnstableLoopError, advanced, natural_period
 
 FloatArray = NDArray[np.float64]
 
@@ -167,7 +167,7 @@ def through(times: FloatArray, positions: FloatArray, joint: Joint, gains: Gains
 
 def _finest(joint: Joint, gains: Gains) -> float:
     """Sampling period that shows what the joint does [s]."""
-    return 2.0 * math.pi * math.sqrt(float(joint.inertia) / float(gains.stiffness)) / _SAMPLES
+    return natural_period(joint, gains) / _SAMPLES
 
 
 def turning_points(reference: FloatArray, least: float) -> list[tuple[int, int]]:
@@ -233,11 +233,8 @@ def followed(
     require_positive("stiffness", gains.stiffness)
     conditions = conditions or OperatingConditions()
     simulation = JointSimulation.under(joint, gains, conditions, position=float(reference.position[0]))
-    motion = simulation.advance(reference.period, reference.position[:-1], reference.velocity[:-1])
-    errors = reference.position[1:] - motion.position
-    if runs_away(joint, gains, conditions, errors, float(np.ptp(reference.position))):
-        raise UnstableLoopError
-    return motion
+    reach = float(np.ptp(reference.position))
+    return advanced(simulation, conditions, reference.period, reference.position[:-1], reference.velocity[:-1], reach)
 
 
 def _reversals(reference: ReferenceMotion, position: FloatArray, slips: FloatArray) -> tuple[Reversal, ...]:

@@ -15,9 +15,9 @@ import numpy as np
 
 from stickslip_ros.model._earlier_names import earlier_names
 from stickslip_ros.model.bisection import first_reached
-from stickslip_ros.model.controlled import HUNTING, OperatingConditions, controlled_course
+from stickslip_ros.model.conditions import OperatingConditions
+from stickslip_ros.model.controlled import controlled_course
 from stickslip_ros.model.dimensionless import DimensionlessGroups, damping_for_ratio, dimensionless_groups
-from stickslip_ros.model.divergence import UNSTABLE
 from stickslip_ros.model.exact import (
     LARGEST_DAMPING_RATIO,
     exact_critical_damping_ratio,
@@ -26,8 +26,11 @@ from stickslip_ros.model.exact import (
 )
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.hunting import hunting
+from stickslip_ros.model.long_motion import UNSTABLE, UnstableLoopError, natural_period, too_fast
 from stickslip_ros.model.margin import damping_reserve
 from stickslip_ros.model.outcome import Outcome, outcomes, steady_damping_ratio
+
+HUNTING = "hunting"
 
 _CONTROLLED_TOLERANCE = 1e-2  # error of a damping ratio, of it
 _FIRST_RATIO = 0.05  # damping ratio that is tried first, 1; then twice as much
@@ -108,7 +111,7 @@ def verdict(
     """
     conditions = (conditions or OperatingConditions()).at_constant_speed
     joint = conditions.applied_to(joint)
-    why = _obstacle(joint, gains, velocity)
+    why = _obstacle(joint, gains, velocity, conditions)
     if why:
         return _no_answer(why)
     if velocity == 0:
@@ -141,7 +144,7 @@ def beyond_the_paper(joint: Joint, gains: Gains, conditions: OperatingConditions
     return bool(gains.integral != 0) or conditions.period > 0
 
 
-def _obstacle(joint: Joint, gains: Gains, velocity: float) -> str:
+def _obstacle(joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions) -> str:
     """Why there can be no exact answer, or ""."""
     values = np.array([gains.stiffness, gains.damping, gains.integral, velocity], dtype=float)
     if not np.isfinite(values).all():
@@ -158,6 +161,8 @@ def _obstacle(joint: Joint, gains: Gains, velocity: float) -> str:
         return f"the damping ratio is beyond {LARGEST_DAMPING_RATIO:g}"
     if not np.isfinite([float(value) for value in groups.numbers]).all():
         return "a gain is too small or too large to compute with"
+    if too_fast(conditions, natural_period(joint, gains)):
+        return "the controller is too fast beside the joint to be followed"
     return ""
 
 
@@ -167,8 +172,6 @@ def _no_answer(why: str) -> ExactVerdict:
 
 def _standstill(joint: Joint, gains: Gains, conditions: OperatingConditions) -> ExactVerdict:
     found = hunting(joint, gains, conditions)
-    if found.hunts is None:
-        return _no_answer("the controller is too fast beside the joint to be followed")
     if found.unstable and not (found.hunts and min(found.unstable) > 1.0):
         return _no_answer(UNSTABLE)
     return ExactVerdict(
@@ -181,24 +184,22 @@ def _standstill(joint: Joint, gains: Gains, conditions: OperatingConditions) -> 
 def _controlled(
     joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions, detail: Detail
 ) -> ExactVerdict:
-    course = controlled_course(joint, gains, velocity, conditions, to_the_end=detail >= Detail.OUTCOME)
-    if math.isnan(course.persists):
-        return _no_answer("the controller is too fast beside the joint to be followed")
-    if course.unstable:
+    try:
+        outcome = controlled_course(joint, gains, velocity, conditions, to_the_end=detail >= Detail.OUTCOME)
+    except UnstableLoopError:
         return _no_answer(UNSTABLE)
-    if detail == Detail.SMOOTH:
-        return ExactVerdict(smooth=course.persists == 0.0, outcome=course.outcome)
-    outcome = course.outcome
-    if outcome is None:
+    if outcome is None and detail >= Detail.OUTCOME:
         return _no_answer("the motion does not show in a thousand periods what it leads to")
     answer = ExactVerdict(smooth=outcome is not Outcome.STICKS, outcome=outcome)
-    if detail == Detail.OUTCOME:
+    if detail <= Detail.OUTCOME:
         return answer
 
     def persists_at(ratio: float) -> bool:
-        damping = float(damping_for_ratio(joint, gains.stiffness, ratio))
-        damped = replace(gains, damping=damping)
-        return controlled_course(joint, damped, velocity, conditions, to_the_end=False).persists == 1.0
+        damped = replace(gains, damping=float(damping_for_ratio(joint, gains.stiffness, ratio)))
+        try:
+            return controlled_course(joint, damped, velocity, conditions, to_the_end=False) is Outcome.STICKS
+        except UnstableLoopError:
+            return True
 
     return _with_boundary(answer, dimensionless_groups(joint, gains, velocity), _least_calming_ratio(persists_at))
 

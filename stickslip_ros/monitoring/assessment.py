@@ -11,7 +11,7 @@ import numpy as np
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_not_negative
-from stickslip_ros.model.controlled import OperatingConditions
+from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import StabilityMargin
 from stickslip_ros.monitoring.advice.adviser import Advice

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 
-from stickslip_ros.model.controlled import OperatingConditions
+from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.monitoring.advice.compensations import (
     CompensatedGains,
     CompensationQuestion,

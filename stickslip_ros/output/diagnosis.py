@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 
-from stickslip_ros.model.controlled import OperatingConditions
+from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import JOINT_PARAMETERS
 from stickslip_ros.model.margin import StabilityMargin
 from stickslip_ros.model.outcome import Outcome

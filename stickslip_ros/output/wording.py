@@ -7,11 +7,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from stickslip_ros.model.controlled import HUNTING
 from stickslip_ros.model.friction import Friction
 from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.model.units import unit_of
-from stickslip_ros.model.verdict import ExactVerdict
+from stickslip_ros.model.verdict import HUNTING, ExactVerdict
 from stickslip_ros.monitoring.detection import status as reasons
 from stickslip_ros.monitoring.detection.reversals import ReversalRecord
 from stickslip_ros.monitoring.detection.status import Finding

@@ -14,7 +14,7 @@ import numpy as np
 
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.model._validation import require_not_negative, require_positive
-from stickslip_ros.model.controlled import OperatingConditions
+from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import FRICTION_PARAMETERS, PRESLIDING_PARAMETERS, Friction, Gains, Joint
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, by_field, limits_from
 from stickslip_ros.monitoring.advice.recommendation import Kind

@@ -15,11 +15,11 @@ from hypothesis import strategies as st
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.dimensionless import damping_for_ratio, dimensionless_groups
-from stickslip_ros.model.divergence import loop_is_unstable
 from stickslip_ros.model.exact import exact_critical_damping_ratio
 from stickslip_ros.model.extinction_map import extinction_map
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
+from stickslip_ros.model.loop_modes import loop_is_unstable
 from stickslip_ros.model.margin import change_factors, stability_margin
 from stickslip_ros.model.verdict import Detail, verdict
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion

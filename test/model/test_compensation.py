@@ -12,7 +12,7 @@ import pytest
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.compensation import Compensation
 from stickslip_ros.model.compensation_effect import CompensationEffect, compensation_effect, largest_harmless_share
-from stickslip_ros.model.controlled import OperatingConditions
+from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.model.outcome import Outcome

@@ -13,9 +13,10 @@ import pytest
 from stickslip_ros.cli.main import main
 from stickslip_ros.model.compensation_effect import compensation_effect
 from stickslip_ros.model.conditions import OperatingConditions
-from stickslip_ros.model.divergence import UnstableLoopError, loop_is_unstable
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
+from stickslip_ros.model.long_motion import UnstableLoopError
+from stickslip_ros.model.loop_modes import loop_is_unstable
 from stickslip_ros.model.reversal import followed, reversal_map, sine
 from stickslip_ros.model.verdict import Detail, verdict
 

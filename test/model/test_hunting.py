@@ -12,10 +12,11 @@ import pytest
 from brute_standstill import late_motion
 from conftest import nightly
 
-from stickslip_ros.model.controlled import OperatingConditions, natural_period
+from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.hunting import hunting, largest_non_hunting_integral, least_quiet_stiffness, starts_of
 from stickslip_ros.model.joint_simulation import EventKind, JointSimulation
+from stickslip_ros.model.long_motion import natural_period
 
 pytestmark = pytest.mark.slow
 

@@ -13,7 +13,7 @@ from brute_force import FROM_REST
 from random_points import at, groups_of, judge, random_joints
 from test_brute_force import ISSUE
 
-from stickslip_ros.model.controlled import OperatingConditions
+from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.dimensionless import DimensionlessGroups, dimensionless_groups
 from stickslip_ros.model.exact import exact_critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint

@@ -18,6 +18,7 @@ from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.joint_simulation import EventKind, JointSimulation, Trajectory, simulate
 from stickslip_ros.model.margin import stability_margin
+from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.model.verdict import Detail, verdict
 
 pytestmark = pytest.mark.slow
@@ -106,6 +107,20 @@ def test_the_boundary_is_that_of_brute_force(
         found = verdict(joint, Gains(stiffness=stiffness), speed).critical_damping_ratio
         expected = critical_ratio(joint.friction, float(puma.inertia), stiffness, speed, 20.0)
         assert found == pytest.approx(expected, rel=0.02)
+
+
+def test_a_joint_that_creeps_off_slides() -> None:
+    """Issue 39: on a contact that creeps a joint may come to its speed without breaking away, and does not stick."""
+    friction = Friction(
+        coulomb=14.5, viscous=11.4, stribeck=5.9, stribeck_velocity=0.002, lag=0.037, rise_time=0.42,
+        presliding_stiffness=4e5, presliding_damping=1200.0, contact="lugre",
+    )  # fmt: skip
+    joint, gains, speed = Joint(inertia=14.8, friction=friction), Gains(stiffness=10400.0, damping=20.4), 0.0021
+    found = verdict(joint, gains, speed, detail=Detail.BOUNDARY)
+    assert found.outcome is Outcome.STEADY
+    assert verdict(joint, gains, speed, detail=Detail.SMOOTH).smooth
+    expected = critical_ratio(friction, 14.8, float(gains.stiffness), speed, 20.0)
+    assert found.critical_damping_ratio == pytest.approx(expected, rel=0.05)
 
 
 def _damped(joint: Joint, stiffness: float, damped: float, contact: str) -> Joint:

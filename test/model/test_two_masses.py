@@ -14,10 +14,9 @@ from conftest import nightly
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.conditions import OperatingConditions
-from stickslip_ros.model.divergence import loop_is_unstable
 from stickslip_ros.model.friction import Gains, Joint, Transmission
 from stickslip_ros.model.joint_simulation import JointSimulation
-from stickslip_ros.model.loop_modes import least_modal_damping
+from stickslip_ros.model.loop_modes import least_modal_damping, loop_is_unstable
 from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.model.verdict import Detail, verdict
 

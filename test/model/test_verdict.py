@@ -14,7 +14,7 @@ import pytest
 from conftest import nightly
 
 from stickslip_ros.errors import InvalidParameterError
-from stickslip_ros.model.controlled import OperatingConditions
+from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.dimensionless import dimensionless_groups
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation, simulate

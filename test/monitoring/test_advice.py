@@ -16,7 +16,7 @@ from random_advice import brute_force, clearly_less, random_case
 from scipy.optimize import newton
 
 from stickslip_ros.errors import InvalidParameterError
-from stickslip_ros.model.controlled import OperatingConditions
+from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.dimensionless import dimensionless_groups
 from stickslip_ros.model.exact import exact_critical_damping_ratio
 from stickslip_ros.model.friction import Friction, Gains, Joint, Transmission

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from stickslip_ros.model.compensation import usual_compensation
-from stickslip_ros.model.controlled import OperatingConditions
+from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.reversal import ReferenceMotion, followed, reversals, sine, triangle
 from stickslip_ros.monitoring.assessment import MonitorOptions

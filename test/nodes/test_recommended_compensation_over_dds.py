@@ -9,7 +9,7 @@ from nodes.forked_nodes import NodeProcess
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from support_ros import probe
 
-from stickslip_ros.model.controlled import OperatingConditions
+from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.advice.compensations import CompensationQuestion, compensation_advice
 from stickslip_ros.settings.known_joints import load_joint

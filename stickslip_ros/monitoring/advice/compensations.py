@@ -14,7 +14,7 @@ from stickslip_ros.model.compensation_effect import (
     compensation_effect,
     largest_harmless_share,
 )
-from stickslip_ros.model.controlled import OperatingConditions
+from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 
 FEEDFORWARD, FEEDBACK = "feed-forward", "feedback"

@@ -15,7 +15,7 @@ import numpy as np
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_not_negative, require_positive
 from stickslip_ros.model.bounds import TINY
-from stickslip_ros.model.controlled import OperatingConditions
+from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.units import unit_of
 from stickslip_ros.monitoring.advice.resonance import damping_limits

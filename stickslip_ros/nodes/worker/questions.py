@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import replace
 from time import monotonic
 
-from stickslip_ros.model.controlled import OperatingConditions
+from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.advice.adviser import Advice, AdviceQuestion, Adviser, advise
