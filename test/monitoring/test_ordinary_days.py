@@ -602,3 +602,16 @@ def test_a_joint_that_stops_every_25_counts_is_not_smooth_in_between() -> None:
     positions = rounded(0.02 * (time + 0.97 * np.sin(4.0 * math.pi * time) / (4.0 * math.pi)) + noise, count)
     _, segments, _ = watch(Batch(time=time, position=positions))
     assert spent(segments, Status.SMOOTH) < 2.0
+
+
+def test_a_stop_too_brief_for_a_rest_is_a_deep_dip() -> None:
+    """Each second the joint nearly stops and creeps on; in between, it was `smooth` for a quarter of the time."""
+    time, count = np.arange(0.0, 20.0, 0.005), 3e-4
+    phase = np.mod(time, 1.0)
+    speed = np.exp(4.0 * phase) * (1.0 - phase**8)
+    positions = np.cumsum(speed) / speed.sum() * 40.0 * count * time[-1]
+    noise = 0.3 * count * np.random.default_rng(5).standard_normal(len(time))
+    reference = 40.0 * count * time + 80.0 * count
+    batch = Batch(time=time, position=rounded(positions + noise, count), reference_position=reference)
+    _, segments, _ = watch(batch)
+    assert spent(segments, Status.SMOOTH) < 2.0

@@ -421,3 +421,12 @@ def judge(rest, motion, detector, remembers):
     if remembers and code != MOVES:
         motion.uneven, motion.unevenness, motion.uneven_at = code, number, now
     return code, number, 0.0
+
+
+@compiled()
+def did_not_rest(motion):
+    """Forget the last rest, where the joint only slowed down: that is deep a dip, unless the reference has it too."""
+    seen_lately = motion.now - motion.rested_at < motion.needed
+    motion.rested_at = -np.inf
+    if seen_lately and kernel.SLOW < _DEEPER * reference_slowest_share(motion.now - motion.needed, motion):
+        motion.uneven, motion.unevenness, motion.uneven_at = DIPS, kernel.SLOW, motion.now

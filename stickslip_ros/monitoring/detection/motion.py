@@ -170,7 +170,7 @@ class MotionRecord:
 
     def did_not_rest(self) -> None:
         """Let the judgement know that the joint only slowed down where it seemed to rest."""
-        self._motion["rested_at"] = -math.inf
+        judgement.did_not_rest(self._motion)
         self._rested = False
 
     def turns(self) -> list[float]:
