@@ -614,4 +614,4 @@ def test_a_stop_too_brief_for_a_rest_is_a_deep_dip() -> None:
     reference = 40.0 * count * time + 80.0 * count
     batch = Batch(time=time, position=rounded(positions + noise, count), reference_position=reference)
     _, segments, _ = watch(batch)
-    assert spent(segments, Status.SMOOTH) < 2.0
+    assert spent(segments, Status.SMOOTH) < 0.5

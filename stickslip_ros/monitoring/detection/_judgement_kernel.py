@@ -428,5 +428,5 @@ def did_not_rest(motion):
     """Forget the last rest, where the joint only slowed down: that is deep a dip, unless the reference has it too."""
     seen_lately = motion.now - motion.rested_at < motion.needed
     motion.rested_at = -np.inf
-    if seen_lately and kernel.SLOW < _DEEPER * reference_slowest_share(motion.now - motion.needed, motion):
+    if seen_lately and _DEEPER * reference_slowest_share(motion.now - motion.needed, motion) > kernel.SLOW:
         motion.uneven, motion.unevenness, motion.uneven_at = DIPS, kernel.SLOW, motion.now
