@@ -6,7 +6,7 @@ STAMP := $(VENV)/.installed
 # Tests run side by side, each on a ROS domain of its own. Those over DDS wait most of the time, so that there are more
 # workers than cores; a file stays on one of them, with what it compiled and simulated, in the order of
 # test/conftest.py. The times are kept for `python tools/slowest_tests.py`.
-WORKERS ?= 5
+WORKERS ?= 4
 # Compiled before them, once: each worker would else compile for itself whatever it finds first, two minutes of a core.
 WARM = $(BIN)/python -m stickslip_ros.cli.main warm-up >/dev/null
 SIDE_BY_SIDE = -n $(WORKERS) --dist loadfile --no-loadscope-reorder --junitxml=.test_times.xml
