@@ -46,7 +46,7 @@ _EVEN = 1.4  # duration without its stop, of the swing before the last, which we
 _SUSTAINED = 0.95  # swing without a stop, of the last one: less is free oscillation that dies out
 _MIDDLE_OF_HUNTING = 0.5  # duration of 80 % of a swing's way, of the swing's: half a cosine takes 0.59
 _TRAIN = 9  # cycles whose median is the usual slip, 1
-_PENDING = 64  # cycles that wait for their train, 1: at most
+_PENDING = 64  # cycles that wait for their train, rests for a slip after their creep, 1: at most
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,8 +195,9 @@ class CycleDetector:
             return []
         certain: list[Cycle] = []
         crept, self._crept = self._crept, []
-        if crept and self._may_creep(before, rest) and math.isfinite(_advance(before, rest)):
-            # The reference shows that it lags behind: a motion of micrometres at each step of a reference, for one.
+        lags = math.isfinite(_advance(before, rest)) and self._may_creep(before, rest)
+        if lags and 0 < len(crept) < _PENDING:
+            # The reference shows that the joint is left behind. Its contact may yield at each step of the reference.
             self._crept = [*crept, rest]
             return []
         if crept and abs(crept[-1].position - before.position) < _CREEP_SHARE * abs(rest.position - crept[-1].position):
