@@ -23,8 +23,9 @@ from stickslip_ros.cli.monitor_client import MonitorClient, margins_of, values_o
 from stickslip_ros.cli.processes import NodeProcess
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.output.published import RESERVE_FIELD
+from stickslip_ros.settings.parameter_names import MONITOR
 
-CONTROLLER, MONITOR = "/simulated_joint", "/stickslip_monitor"
+CONTROLLER = "/simulated_joint"
 _COLUMNS = (
     "[dim]Once a second: position; number of slips so far; damping reserve, the damping in excess of that at which\n"
     "stick-slip ends (below 0 the joint sticks); and the monitor's status, which is of the last seconds of motion.[/]"
@@ -57,8 +58,8 @@ class DemoListener(MonitorClient):
         self.data = DemoData()
         self.diagnostic: dict[str, str] | None = None
         self._states, self._references = self.motion()
-        self.node.create_subscription(DiagnosticArray, f"{MONITOR}/cycles", self._on_cycles, 1000)
-        self.node.create_subscription(Float64MultiArray, f"{MONITOR}/margins", self._on_margins, 100)
+        self.node.create_subscription(DiagnosticArray, f"/{MONITOR}/cycles", self._on_cycles, 1000)
+        self.node.create_subscription(Float64MultiArray, f"/{MONITOR}/margins", self._on_margins, 100)
 
     @property
     def now(self) -> float:
@@ -83,7 +84,7 @@ class DemoListener(MonitorClient):
 
     def note(self, status: DiagnosticStatus) -> None:
         """Keep the joint's status."""
-        if status.hardware_id == self.joint and status.name.startswith("stickslip_monitor"):
+        if status.hardware_id == self.joint and status.name.startswith(MONITOR):
             self.diagnostic = values_of(status)
 
     def _on_cycles(self, message: DiagnosticArray) -> None:
@@ -97,9 +98,9 @@ class DemoListener(MonitorClient):
 
     def trigger(self, service: str, purpose: str) -> Future:
         """Call a service of the monitor; the answer comes once it is done."""
-        client = self.node.create_client(Trigger, f"{MONITOR}/{service}")
+        client = self.node.create_client(Trigger, f"/{MONITOR}/{service}")
         if not client.wait_for_service(5.0):
-            raise StickSlipError(f"{MONITOR} offers no service to {purpose}")
+            raise StickSlipError(f"/{MONITOR} offers no service to {purpose}")
         return client.call_async(Trigger.Request())
 
     def set_parameters(self, values: Mapping[str, object]) -> Future:

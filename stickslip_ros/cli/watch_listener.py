@@ -17,13 +17,14 @@ from stickslip_ros.cli.monitor_client import MonitorClient, number_of, values_of
 from stickslip_ros.cli.watch_view import JointView
 from stickslip_ros.messages.content import seconds
 from stickslip_ros.output.diagnosis import Level
+from stickslip_ros.settings.parameter_names import MONITOR
 from stickslip_ros.visible import visible
 
 _STALE_AFTER = 3.0  # [s] without a status
 _LOOK_EVERY = 1.0  # [s] for monitors that have come since
 _KEPT = 2000  # samples a joint
 _SET_BACK = 1.0  # [s] from which on stamps of before are another story
-_MONITOR, _TOPIC = "stickslip_monitor", "friction"
+_TOPIC = "friction"
 
 
 @dataclass
@@ -76,7 +77,7 @@ class WatchListener(MonitorClient):
 
     def note(self, status: DiagnosticStatus) -> None:
         """Keep the status of a monitor, or of a joint of one."""
-        robot, named, rest = status.name.rpartition(_MONITOR)
+        robot, named, rest = status.name.rpartition(MONITOR)
         if not named or (robot and not robot.endswith("/")):
             return
         if not rest:

@@ -48,14 +48,6 @@ class ReferencePairing:
         """
         return self._offset if self._compared_at - self._near_at > _NEVER_NEAR else math.nan
 
-    def add_sample(self, time: float, position: float, velocity: float, effort: float) -> None:
-        """One row of samples."""
-        self.add_samples(np.array([[time, position, velocity, effort]]))
-
-    def add_reference(self, time: float, position: float, velocity: float) -> None:
-        """One row of references."""
-        self.add_references(np.array([[time, position, velocity]]))
-
     def add_samples(self, rows: FloatArray) -> None:
         """Rows of time, position, velocity and effort, NaN for what is missing; of shape (n, 4)."""
         self._new_samples.append(rows)

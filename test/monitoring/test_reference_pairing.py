@@ -23,13 +23,13 @@ def test_pairing_does_not_depend_on_arrival(chunk: int, lead: int, random: objec
     reference_at = 0
     for index, time in enumerate(times):
         while reference_at < min(index + lead - 15, 100):
-            pairing.add_reference(times[reference_at], 2.0 * times[reference_at], 2.0)
+            pairing.add_references(np.array([[times[reference_at], 2.0 * times[reference_at], 2.0]]))
             reference_at += 1
-        pairing.add_sample(time, time, math.nan, math.nan)
+        pairing.add_samples(np.array([[time, time, math.nan, math.nan]]))
         if index % chunk == 0:
             batches.append(pairing.next_batch())
     for rest in range(reference_at, 100):
-        pairing.add_reference(times[rest], 2.0 * times[rest], 2.0)
+        pairing.add_references(np.array([[times[rest], 2.0 * times[rest], 2.0]]))
     batches.append(pairing.next_batch())
     taken = [batch for batch in batches if batch is not None]
     np.testing.assert_array_equal(np.concatenate([batch.time for batch in taken]), times)
@@ -42,9 +42,9 @@ def test_pairing_does_not_depend_on_arrival(chunk: int, lead: int, random: objec
 def test_a_stale_reference_says_nothing() -> None:
     """Issue 2: a reference that has ended is not held for ever."""
     pairing = ReferencePairing()
-    pairing.add_reference(0.0, 1.0, 0.0)
-    pairing.add_sample(0.5, 0.0, math.nan, math.nan)
-    pairing.add_sample(5.0, 0.0, math.nan, math.nan)
+    pairing.add_references(np.array([[0.0, 1.0, 0.0]]))
+    pairing.add_samples(np.array([[0.5, 0.0, math.nan, math.nan]]))
+    pairing.add_samples(np.array([[5.0, 0.0, math.nan, math.nan]]))
     batch = pairing.next_batch()
     assert batch is not None
     assert batch.reference_position[0] == 1.0
@@ -84,12 +84,12 @@ def test_references_that_come_late_or_anew() -> None:
     """Issue 6, item 2: a late reference finds its place; where time begins anew the old ones are void."""
     pairing = ReferencePairing()
     pairing.add_references(np.array([[1.0, 1.0, 0.0], [1.2, 3.0, 0.0], [1.1, 2.0, 0.0]]))
-    pairing.add_sample(1.15, 0.0, math.nan, math.nan)
+    pairing.add_samples(np.array([[1.15, 0.0, math.nan, math.nan]]))
     batch = pairing.next_batch()
     assert batch is not None
     assert batch.reference_position[0] == pytest.approx(2.5)
     pairing.add_references(np.array([[0.1, 7.0, 0.0], [0.2, 8.0, 0.0]]))
-    pairing.add_sample(0.15, 0.0, math.nan, math.nan)
+    pairing.add_samples(np.array([[0.15, 0.0, math.nan, math.nan]]))
     batch = pairing.next_batch()
     assert batch is not None
     assert batch.reference_position[0] == pytest.approx(7.5)

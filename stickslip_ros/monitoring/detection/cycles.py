@@ -195,7 +195,7 @@ class CycleDetector:
             return []
         certain: list[Cycle] = []
         crept, self._crept = self._crept, []
-        lags = math.isfinite(_advance(before, rest)) and self._may_creep(before, rest)
+        lags = math.isfinite(before.advance_until(rest)) and self._may_creep(before, rest)
         if lags and 0 < len(crept) < _PENDING:
             # The reference shows that the joint is left behind. Its contact may yield at each step of the reference.
             self._crept = [*crept, rest]
@@ -217,7 +217,8 @@ class CycleDetector:
     def _may_creep(self, before: Rest, rest: Rest) -> bool:
         """Whether the joint moved so little between two rests, beside the motion before, that it may have crept."""
         distance = rest.position - before.position
-        return abs(distance) < _CREEP_SHARE * abs(self._distance) and not _keeps_up(distance, _advance(before, rest))
+        keeps_up = _keeps_up(distance, before.advance_until(rest))
+        return abs(distance) < _CREEP_SHARE * abs(self._distance) and not keeps_up
 
     def add_swing(self, swing: Swing) -> list[Cycle]:
         """Take a swing about the reference, and return the cycles of hunting that are now certain."""
@@ -365,11 +366,6 @@ def _motion(cycle: Cycle, rest: Rest) -> Motion:
 def _meanwhile(before: Rest, rest: Rest) -> float:
     """How far the reference went on between two rests [rad], NaN if unknown."""
     return rest.reference - before.reference_left
-
-
-def _advance(before: Rest, rest: Rest) -> float:
-    """How far the reference went on from the beginning of a rest to that of the next one [rad], NaN if unknown."""
-    return rest.reference - before.reference
 
 
 def _keeps_up(distance: float, travel: float) -> bool:

@@ -108,10 +108,14 @@ class Rest:
         """Time at rest [s]."""
         return self.breakaway - self.arrest
 
+    def advance_until(self, later: Rest) -> float:
+        """Travel of the reference from the beginning of this rest to that of a later one [rad], NaN if unknown."""
+        return later.reference - self.reference
+
     def until(self, later: Rest) -> Rest:
         """One rest of this one and a later one, between which the joint only crept."""
         lasted, lasts = self.seen_until - self.seen_from, later.seen_until - later.seen_from
-        ahead = later.reference - self.reference
+        ahead = self.advance_until(later)
         means = self.reference_mean_advance * lasted + (ahead + later.reference_mean_advance) * lasts
         return replace(
             later,
