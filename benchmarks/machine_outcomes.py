@@ -11,13 +11,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from stickslip_ros.model.friction import Gains
+from stickslip_ros.monitoring.advice.adviser import Advice
+from stickslip_ros.monitoring.advice.recommendation import Kind
+from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.friction.estimate import NAMES, FrictionEstimate, ParameterEstimate
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.selected_model import select_model
 from stickslip_ros.monitoring.uncertainty import stick_slip_probability
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test" / "monitoring"))
-from machines import ARREST_TIME, LUGRE, sticks
+from machines import ARREST_TIME, LUGRE, Machine, sticks
 from random_machines import CONDITIONS, DURATION, MachineRecording, random_recording
 
 ALL_NAMES = (*NAMES, "load")
@@ -56,6 +59,7 @@ class Found:
     ----------
     truth : of the parameters that have one. untrue : names that have none, and must not be called identified.
     estimate : None if there is none.
+    cured : whether the machine no longer sticks with the least change of gains that is advised; None without advice.
     """
 
     condition: str
@@ -65,6 +69,7 @@ class Found:
     untrue: tuple[str, ...]
     estimate: FrictionEstimate | None
     points: tuple[Point, ...]
+    cured: bool | None
     seconds: float
 
     @property
@@ -109,11 +114,12 @@ def parameter_of(estimate: FrictionEstimate, name: str) -> ParameterEstimate:
 
 
 def run(condition: str, seed: int) -> Found:
-    """Draw a recording, learn from it, and ask for verdicts."""
+    """Draw a recording, learn from it, ask for verdicts, and try the advice."""
     recording = random_recording(seed, CONDITIONS[condition])
     begin = time.perf_counter()
-    estimate = learnt(recording)
+    assessment = assessed(recording)
     seconds = time.perf_counter() - begin
+    estimate = assessment.estimate
     truth, untrue = truth_of(recording, DURATION)
     return Found(
         condition=condition,
@@ -123,16 +129,29 @@ def run(condition: str, seed: int) -> Found:
         untrue=untrue,
         estimate=estimate,
         points=points(recording, estimate),
+        cured=_cured(recording, assessment.advice),
         seconds=seconds,
     )
 
 
-def learnt(recording: MachineRecording, share: float = 1.0) -> FrictionEstimate | None:
-    """What a monitor learns from the first part of a recording, as the analysis of bags has it."""
+def assessed(recording: MachineRecording, share: float = 1.0) -> Assessment:
+    """What a monitor makes of the first part of a recording, as the analysis of bags has it."""
     monitor = JointMonitor(None, recording.gains, studies_at_once=True, segments_kept=None, at_arrest=True)
     monitor.process(recording.batch.where(slice(0, round(share * len(recording.batch)))))
     monitor.finish()
-    return monitor.assessment().estimate
+    return monitor.assessment()
+
+
+def _cured(recording: MachineRecording, advice: Advice | None) -> bool | None:
+    if advice is None or math.isnan((least := advice.recommendation[Kind.LEAST_CHANGE]).stiffness):
+        return None
+    period = recording.period if recording.machine.sampled else None
+    return not sticks(_latest(recording), least.gains, advice.recommendation.velocity, controller_period=period)
+
+
+def _latest(recording: MachineRecording) -> Machine:
+    """The machine as it is at the end of the recording, in the direction in which there is more friction."""
+    return recording.machine.after(DURATION).in_the_worse_direction
 
 
 def truth_of(recording: MachineRecording, end: float) -> tuple[dict[str, float], tuple[str, ...]]:
@@ -163,7 +182,7 @@ def truth_of(recording: MachineRecording, end: float) -> tuple[dict[str, float],
 
 def points(recording: MachineRecording, estimate: FrictionEstimate | None) -> tuple[Point, ...]:
     """Verdicts around the present gains and the first speed, but for those next to the boundary."""
-    machine = recording.machine.after(DURATION).in_the_worse_direction
+    machine = _latest(recording)
     gains, speed = recording.gains, recording.speeds[0]
     total = float(gains.damping) + machine.viscous
     period = recording.period if machine.sampled else None

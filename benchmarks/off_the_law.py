@@ -20,7 +20,7 @@ from benchmarks.machine_outcomes import (
     CONDITIONS,
     DURATION,
     Found,
-    learnt,
+    assessed,
     parameter_of,
     random_recording,
     run,
@@ -41,6 +41,7 @@ class Summary:
     ----------
     deviation : median of the errors of all parameters, in standard errors: 0.67 where these are right.
     score : mean logarithm of the density of the true values, but for friction and load of motion in one direction.
+    advised : joints that got gains as advice. cured : share of these machines that no longer stick with the gains.
     """
 
     condition: str
@@ -56,6 +57,8 @@ class Summary:
     sure: float
     right_of_sure: float
     right: float
+    advised: int
+    cured: float
 
     @property
     def shortfall(self) -> float:
@@ -78,6 +81,7 @@ def summary(condition: str, found: list[Found]) -> Summary:
     scores = [one.log_score(name) for one, name in estimated if name not in ("coulomb", "load")]
     asked = [point for one in found for point in one.points]
     sure = [point for point in asked if point.sure]
+    advised = [one.cured for one in found if one.cured is not None]
     return Summary(
         condition=condition,
         joints=len(found),
@@ -92,18 +96,21 @@ def summary(condition: str, found: list[Found]) -> Summary:
         sure=_mean([point.sure for point in asked]),
         right_of_sure=_mean([point.right for point in sure]),
         right=_mean([point.right for point in asked]),
+        advised=len(advised),
+        cured=_mean(advised),
     )
 
 
 def _print_summaries(rows: list[Summary]) -> None:
     estimates = f"{'condition':16s} joints identified  error   interval holds  errors/std  score  usable"
-    print(f"{estimates}   verdicts: sure  right of sure  right")
+    print(f"{estimates}   verdicts: sure  right of sure  right    advised: cured")
     for row in rows:
         print(
             f"{row.condition:16s} {row.joints:6d} {100 * row.identified:8.0f} % {100 * row.error:6.2f} % "
             f"{100 * row.coverage:6.1f} % of {row.intervals:4d} {row.deviation:10.2f} {row.score:6.2f} "
             f"{100 * row.usable:5.0f} % "
             f"{row.points:5d}: {100 * row.sure:5.1f} % {100 * row.right_of_sure:9.1f} % {100 * row.right:9.1f} %"
+            f"{row.advised:5d}: {100 * row.cured:5.1f} %"
         )
 
 
@@ -148,7 +155,7 @@ def prefixes(condition: str, seed: int) -> list[str]:
     """
     recording = random_recording(seed, CONDITIONS[condition])
     shares = [(number + 1) / _PREFIXES for number in range(_PREFIXES)]
-    estimates = [learnt(recording, share) for share in shares]
+    estimates = [assessed(recording, share).estimate for share in shares]
     whole = estimates[-1]
     if whole is None:
         return [f"{condition} {seed}: no estimate after the whole"] if any(estimates) else []

@@ -55,7 +55,6 @@ _KNOWN: dict[str, object] = {
 }
 _CYCLES_TO_SEE = 4
 _SMOOTH_TO_SEE = 7.0  # [s]: chance would hardly leave so many cycles out
-_START_LIMIT = 60.0
 _STICK_LIMIT = 20.0
 _RATE = 500.0  # samples a second [Hz]: all processes of the demo have room on two slow cores
 _SMOOTH_LIMIT = 25.0
@@ -122,10 +121,7 @@ def _cure(console: Console, out: Path) -> int:
     from stickslip_ros.cli.demo_picture import draw
 
     with two_nodes(console, _JOINT, {**_KNOWN, **_FORGETFUL}, {"rate": _RATE}) as listener:
-        listener.wait(
-            lambda: not math.isnan(listener.now) and listener.value("stiffness [N*m/rad]") != "",
-            _START_LIMIT, "the nodes to be heard",
-        )  # fmt: skip
+        listener.wait_for_nodes(lambda: not math.isnan(listener.now) and listener.value("stiffness [N*m/rad]") != "")
         console.print(
             f"The joint is commanded to move at {listener.value('velocity [rad/s]')} rad/s, "
             f"k_p = {listener.value('stiffness [N*m/rad]')} N·m/rad, "
@@ -228,7 +224,7 @@ def _half(data: DemoData, begin: float, end: float, gains: dict[str, object]) ->
 
 
 def _replay(console: Console, options: argparse.Namespace) -> int:
-    from stickslip_ros.cli.demo_log import DemoListener, last_line
+    from stickslip_ros.cli.demo_log import START_LIMIT, DemoListener, last_line
     from stickslip_ros.cli.demo_picture import draw
 
     path = find_recording(options.recording)
@@ -241,7 +237,7 @@ def _replay(console: Console, options: argparse.Namespace) -> int:
         listener = DemoListener(_JOINT, console, [monitor], recording.unit)
         stack.callback(listener.close)
         listener.listen(1.0)
-        listener.wait(lambda: listener.diagnostic is not None, _START_LIMIT, "the monitor to be heard")
+        listener.wait_for_nodes(lambda: listener.diagnostic is not None)
         replay = stack.enter_context(NodeProcess("replay", {"recording": path, "joint": _JOINT, "time_factor": factor}))
         console.print(
             f"Replaying [bold]{recording.name}[/]: {len(batch)} samples, {length:.1f} s, {factor:.3g} times as fast."
@@ -253,7 +249,7 @@ def _replay(console: Console, options: argparse.Namespace) -> int:
                 seen.setdefault(listener.status)
             return not replay.running
 
-        listener.wait(ended, length / factor + _START_LIMIT, "the end of the recording")
+        listener.wait(ended, length / factor + START_LIMIT, "the end of the recording")
         if replay.wait(1.0) != 0 or not listener.data.states:
             raise StickSlipError(f"the recording was not published: {last_line(replay.output())}")
         cycles = listener.data.cycles

@@ -33,7 +33,7 @@ class _Scene:
     def __init__(self, listener: DemoListener) -> None:
         self.listener = listener
         self._cycles = 0
-        self._wait(lambda: listener.status != "" and not math.isnan(listener.now), "the nodes to be heard")
+        listener.wait_for_nodes(lambda: listener.status != "" and not math.isnan(listener.now))
         self.marks: list[tuple[float, str]] = []
 
     def begin(self, values: Mapping[str, object], called: str = "") -> None:

@@ -31,6 +31,8 @@ _COLUMNS = (
     "stick-slip ends (below 0 the joint sticks); and the monitor's status, which is of the last seconds of motion.[/]"
 )
 
+START_LIMIT = 60.0  # [s]
+
 
 @dataclass
 class DemoData:
@@ -53,7 +55,7 @@ class DemoListener(MonitorClient):
     def __init__(self, joint: str, console: Console, nodes: Sequence[NodeProcess], unit: str) -> None:
         super().__init__("stickslip_demo")
         self._console, self._nodes, self._unit = console, nodes, unit
-        self._next, self._start = time.monotonic() + 1.0, math.nan
+        self._next, self._start = math.inf, math.nan
         self.joint = joint
         self.data = DemoData()
         self.diagnostic: dict[str, str] | None = None
@@ -110,8 +112,13 @@ class DemoListener(MonitorClient):
             raise StickSlipError(f"{CONTROLLER} offers no service to set its parameters")
         return client.set_parameters([Parameter(name, value=value) for name, value in values.items()])
 
+    def wait_for_nodes(self, heard: Callable[[], bool]) -> None:
+        """Wait until the nodes are heard; from then on there is a line a second."""
+        self.wait(heard, START_LIMIT, "the nodes to be heard")
+        self._next = time.monotonic() + 1.0
+
     def wait(self, reached: Callable[[], bool], limit: float, what: str) -> None:
-        """Listen until the goal is reached, with a line a second on where things stand.
+        """Listen until the goal is reached, with a line a second on where things stand once the nodes are heard.
 
         Raises
         ------

@@ -41,6 +41,8 @@ def test_the_main_job(ros_domain: int, tmp_path: Path) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
     for text in ("Stick-slip: ", "Advice: raise the", "Smooth: no cycle", "joint1: it helped: ", str(picture)):
         assert text in done.stdout
+    # What the joint is commanded is said before its status.
+    assert done.stdout.index("The joint is commanded") < done.stdout.index("Once a second")
     # Issue 15: told early, and never an advice without words.
     told = re.search(r"Stick-slip: (\d+) cycles", done.stdout)
     assert told is not None
