@@ -145,13 +145,18 @@ def assessed(recording: MachineRecording, share: float = 1.0) -> Assessment:
 def _cured(recording: MachineRecording, advice: Advice | None) -> bool | None:
     if advice is None or math.isnan((least := advice.recommendation[Kind.LEAST_CHANGE]).stiffness):
         return None
-    period = recording.period if recording.machine.sampled else None
-    return not sticks(_latest(recording), least.gains, advice.recommendation.velocity, controller_period=period)
+    return not _sticks(recording, least.gains, advice.recommendation.velocity)
 
 
 def _latest(recording: MachineRecording) -> Machine:
     """The machine as it is at the end of the recording, in the direction in which there is more friction."""
     return recording.machine.after(DURATION).in_the_worse_direction
+
+
+def _sticks(recording: MachineRecording, gains: Gains, velocity: float) -> bool:
+    """Whether that machine sticks with these gains at a speed [rad/s]."""
+    period = recording.period if recording.machine.sampled else None
+    return sticks(_latest(recording), gains, velocity, controller_period=period)
 
 
 def truth_of(recording: MachineRecording, end: float) -> tuple[dict[str, float], tuple[str, ...]]:
@@ -185,7 +190,6 @@ def points(recording: MachineRecording, estimate: FrictionEstimate | None) -> tu
     machine = _latest(recording)
     gains, speed = recording.gains, recording.speeds[0]
     total = float(gains.damping) + machine.viscous
-    period = recording.period if machine.sampled else None
 
     def damped(share: float) -> Gains:
         return replace(gains, damping=share * total - machine.viscous)
@@ -201,7 +205,7 @@ def points(recording: MachineRecording, estimate: FrictionEstimate | None) -> tu
     for name, (tried, velocity) in asked.items():
         its_total = float(tried.damping) + machine.viscous
         around = [replace(tried, damping=share * its_total - machine.viscous) for share in (1.0, *_NEAR)]
-        verdicts = {sticks(machine, one, velocity, controller_period=period) for one in around}
+        verdicts = {_sticks(recording, one, velocity) for one in around}
         if len(verdicts) > 1:
             continue
         probability = math.nan

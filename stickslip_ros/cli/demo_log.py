@@ -26,12 +26,11 @@ from stickslip_ros.output.published import RESERVE_FIELD
 from stickslip_ros.settings.parameter_names import MONITOR
 
 CONTROLLER = "/simulated_joint"
+START_LIMIT = 60.0  # [s]: a node starts within seconds, but for a busy machine
 _COLUMNS = (
     "[dim]Once a second: position; number of slips so far; damping reserve, the damping in excess of that at which\n"
     "stick-slip ends (below 0 the joint sticks); and the monitor's status, which is of the last seconds of motion.[/]"
 )
-
-START_LIMIT = 60.0  # [s]
 
 
 @dataclass
