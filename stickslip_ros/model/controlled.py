@@ -30,9 +30,6 @@ _COULOMB = 10.0  # Coulomb friction, of the Stribeck friction: enough that an ar
 # Change of the breakaway level from one cycle to the next, of the level: with less it has settled. Close to the
 # boundary a level that falls in the end stays almost the same for long.
 _SETTLED = 1e-6
-# The same of the way from breakaway to breakaway, which counts on a contact that creeps: there a cycle begins with more
-# than a level, and without a rise of static friction all levels are one.
-_SETTLED_WAY = 1e-4
 _MOST_PERIODS = 1000  # simulated span, natural periods
 _SAMPLES_A_PERIOD = 64  # samples of continuous control in a natural period, 1
 _SLIDING_PERIODS = 16  # time without an event, natural periods: with more the joint slides
@@ -92,7 +89,6 @@ def controlled_course(
     # How far behind its reference a joint may be that has only begun to slide.
     reach = abs(force) / stiffness + speed * natural
     levels: list[float] = []
-    places: list[float] = []
     swings: list[float] = []
     last_event = 0.0
     while simulation.time < _MOST_PERIODS * natural and len(levels) < MOST_CYCLES:
@@ -101,9 +97,8 @@ def controlled_course(
         if len(motion.event_rows):
             last_event = motion.last_event
             levels += motion.breakaway_levels.tolist()
-            places += motion.breakaway_positions.tolist()
             swings.clear()
-        if cycles_persist(levels, _SETTLED) if friction.rigid else cycles_persist(np.diff(places), _SETTLED_WAY):
+        if cycles_persist(levels, _SETTLED):
             return Outcome.STICKS
         swing = float(np.abs(motion.velocity - speed).max()) / speed
         if simulation.stuck and swing > STEADY_SWING:

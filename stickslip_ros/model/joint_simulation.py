@@ -91,12 +91,6 @@ class Trajectory:
         return levels
 
     @property
-    def breakaway_positions(self) -> NDArray[np.float64]:
-        """Position at each breakaway [rad]."""
-        positions: NDArray[np.float64] = self.event_rows[self.event_rows[:, 1] == at.BREAKAWAY, 3]
-        return positions
-
-    @property
     def last_event(self) -> float:
         """Time of the last breakaway or arrest [s]; NaN if there is none."""
         return float(self.event_rows[-1, 0]) if len(self.event_rows) else math.nan
