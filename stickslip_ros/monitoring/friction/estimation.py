@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,6 +74,18 @@ _ON_BRISTLES = [INERTIA, VISCOUS, STRIBECK_VELOCITY, STRIBECK]  # parameters tha
 _ASIDE = 0.34  # slips that nothing explains, of all slips
 
 
+@dataclass(frozen=True, kw_only=True)
+class SlipsOnBristles(FittedLaw):
+    """Fit of a law that does not explain the slips, of a joint whose contact yields.
+
+    Attributes
+    ----------
+    bristles : fits of the same slips by a joint on bristles, the likeliest curve first: the estimate is theirs.
+    """
+
+    bristles: tuple[BristleFit, ...]
+
+
 def estimate_friction(windows: list[SlipWindow], configured: Joint | None = None) -> FrictionEstimate | None:
     """Estimate from all slips at once; None if there are too few, or nothing fits.
 
@@ -128,7 +140,7 @@ def fitted_laws(
     plain = FittedLaw(solution=solution)
     # Joints on bristles are no paper's joint with a term more; slips that begin slowly are in vain fitted as others.
     if not plain.fits and (bristles := bristle_fits(windows)):
-        return [replace(plain, bristles=bristles)]
+        return [SlipsOnBristles(solution=solution, bristles=bristles)]
     steady = with_shown_terms(plain)
     first = with_optional_terms(TREND.fitted(steady))
     fits = weighed_laws(first, rejected)
@@ -153,7 +165,7 @@ def _on_bristles_again(problem: SlipProblem, start: FloatArray) -> FittedLaw | N
     solution = truncated_fit(problem, start)
     if solution is None or FittedLaw(solution=solution).fits or not (found := bristle_fits(problem.data.windows)):
         return None
-    return FittedLaw(solution=solution, bristles=found)
+    return SlipsOnBristles(solution=solution, bristles=found)
 
 
 def may_be_usable(windows: list[SlipWindow]) -> bool:
@@ -208,7 +220,7 @@ def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configur
     ----------
     covariance : as :func:`covariance_over_laws` has it.
     """
-    if fits[0].bristles:
+    if isinstance(fits[0], SlipsOnBristles):
         return _on_bristles(fits[0].bristles)
     law, problem, solution = fits[0].law, fits[0].problem, fits[0].solution
     fit = solution.fit

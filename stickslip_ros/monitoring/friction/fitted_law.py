@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,9 +31,6 @@ from stickslip_ros.monitoring.friction.slip_solution import (
     truncated_fit,
 )
 from stickslip_ros.monitoring.samples import FloatArray
-
-if TYPE_CHECKING:
-    from stickslip_ros.monitoring.friction.bristles import BristleFit
 
 _LEAST_BALANCE = 2e-3  # error of kinetic friction, of the usual force: no model is better
 # Twice the logarithm of a likelihood ratio, 1: above it a law or a term is clearly better. BIC asks for less than half
@@ -68,7 +64,6 @@ class FittedLaw:
     unsettled: bool = False
     by_optional_terms: FloatArray = field(default_factory=lambda: np.zeros(()))
     late: float | None = None
-    bristles: tuple[BristleFit, ...] = ()
 
     @property
     def law(self) -> str:
