@@ -13,7 +13,6 @@ The result is the estimate or nothing: a fit that leaves anything over says that
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -56,8 +55,8 @@ _SCREENING = (0.03, 0.01)  # tolerances of positions in the search for a start, 
 _SCREENED, _TRIED = 0.5, 2  # mean square of residuals, 1: with less a start is good enough; of those so many are tried
 _TIGHTENING = (0.005, 0.001, 0.0, 0.0)  # the same in the fit
 _NEARLY = 2.0  # mean square of residuals, 1: with more before the end a fit does not come to be good
-# Starts: stiffness of the contact, of the controller; Stribeck velocity, of the highest speed.
-_STIFFNESSES, _STRIBECK_VELOCITIES = (30.0, 100.0), (0.6, 0.2, 0.05)
+# Starts: stiffness of the contact, of the controller; Stribeck velocities, of the highest speed.
+_CONTACT, _STRIBECK_VELOCITIES = 30.0, (0.6, 0.2, 0.05)
 _VISCOUS = 0.05  # viscous friction to begin with, of M ω
 _DAMPING_SPREAD = 1.5  # prior standard deviation of the logarithm of σ₁ about √(σ₀ M), 1
 _LOAD_SPREAD = 10.0  # prior standard deviation of a load, of the Stribeck friction
@@ -450,8 +449,8 @@ def _starts(data: SlipData) -> Iterator[FloatArray]:
     frequency = _ANGLE / max(float(np.median(times)), data.sample_interval)
     inertia, stribeck = stiffness / frequency**2, 0.5 * stiffness * distance
     coulomb = max(float(np.median(held)) - stribeck, 0.1 * stribeck)
-    for stiff, fall in itertools.product(_STIFFNESSES, _STRIBECK_VELOCITIES):
-        contact = stiff * stiffness
+    contact = _CONTACT * stiffness
+    for fall in _STRIBECK_VELOCITIES:
         values = [
             inertia, coulomb, _VISCOUS * inertia * frequency, stribeck, fall * 0.5 * distance * frequency,
             contact, math.sqrt(contact * inertia),
