@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stickslip_ros.model.bounds import TINY
 from stickslip_ros.model.friction import Gains, Joint, Real
 from stickslip_ros.model.margin import StabilityMargin, stability_margin
 from stickslip_ros.monitoring.drive import DriveGains
@@ -82,7 +83,7 @@ def approximately_equal(one: SelectedModel, other: SelectedModel) -> bool:
 def _laws(selected: SelectedModel) -> list[str]:
     """The law of the joint, and others that it may have."""
     others = selected.uncertainty.others if selected.uncertainty else ()
-    return [selected.joint.friction.law, *(other.joint.friction.law for other in others)]
+    return [selected.joint.friction.law_in_words, *(other.joint.friction.law_in_words for other in others)]
 
 
 def _values(selected: SelectedModel, *, draws: bool = False) -> FloatArray:
@@ -94,9 +95,11 @@ def _values(selected: SelectedModel, *, draws: bool = False) -> FloatArray:
     # Gains of the controller's own are compared as they are; what only shows is one with the joint's damping.
     damping = np.asarray(friction.viscous) + (0.0 if selected.gains_known else selected.gains.damping)
     late = 1.0 + selected.gains.stiffness * np.asarray(joint.actuation_delay) / (selected.gains.damping + damping)
-    values = (friction.stribeck, friction.stribeck_velocity, friction.lag, friction.rise_time, damping, late)
+    values = [friction.stribeck, friction.stribeck_velocity, friction.lag, friction.rise_time, damping, late]
+    if not friction.rigid:
+        values += [friction.presliding_stiffness, friction.presliding_damping, friction.coulomb]
     shape = np.broadcast_shapes(stiffness.shape, np.shape(friction.stribeck))
-    return np.log([np.broadcast_to(value, shape) for value in (joint.inertia, stiffness, *values)])
+    return np.log([np.broadcast_to(np.maximum(value, TINY), shape) for value in (joint.inertia, stiffness, *values)])
 
 
 def select_model(

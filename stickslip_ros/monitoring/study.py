@@ -78,6 +78,11 @@ class Learnt:
     rejected: tuple[str, ...] = field(default=(), metadata={"key": "hopeless"})
 
     @property
+    def yields(self) -> bool:
+        """Whether the contact yields before it breaks away: at rest alone, or as bristles do."""
+        return self.contact is not None or self.estimate.contact is not None
+
+    @property
     def model(self) -> SlipModel:
         """What was fitted, as it is at the last slip: the parameters are of this model."""
         model = SlipModel(law=LAWS[self.estimate.law])

@@ -15,6 +15,7 @@ from stickslip_ros.model.dimensionless import DimensionlessGroups, dimensionless
 from stickslip_ros.model.exact import cycle_persists, exact_critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint, Real
 from stickslip_ros.model.margin import damping_reserve
+from stickslip_ros.model.verdict import Detail, verdict
 from stickslip_ros.monitoring.samples import FloatArray
 
 _DRAWS = 32  # draws of each law that are integrated, 1
@@ -67,6 +68,23 @@ class Uncertainty:
         groups = self.thinned().groups(gains, velocity)
         return np.asarray(damping_reserve(groups.damping_ratio, exact_critical_damping_ratio(groups)))
 
+    def simulated(self, gains: Gains, velocity: float) -> FloatArray:
+        """Whether each of some draws of this law sticks, 1 or 0, by simulation; NaN without an answer.
+
+        For a contact that yields, which the dimensionless groups do not have.
+        """
+        some = self.thinned()
+
+        def sticks(number: int) -> float:
+            joint = each_number(some.joint, lambda value: np.asarray(value)[number])
+            drawn = replace(gains, stiffness=float(gains.stiffness) * float(some.stiffness[number]))
+            found = verdict(joint, drawn, velocity, detail=Detail.SMOOTH)
+            if found.smooth is None:
+                return 1.0 if found.unstable or float(joint.total_damping(drawn)) < 0.0 else math.nan
+            return float(not found.smooth)
+
+        return np.array([sticks(number) for number in range(len(some.stiffness))])
+
 
 def each_number(joint: Joint, change: Callable[[Real], FloatArray]) -> Joint:
     """The joint with every number changed."""
@@ -92,10 +110,7 @@ def stick_slip_probability(uncertainty: Uncertainty, gains: Gains, velocity: flo
         return math.nan
     total = answered = 0.0
     for law in (uncertainty, *uncertainty.others):
-        groups = law.thinned().groups(gains, velocity)
-        ratio = np.asarray(groups.damping_ratio)
-        damped = replace(groups, damping_ratio=np.maximum(ratio, 0.0))
-        persists = np.where(ratio < 0.0, 1.0, np.asarray(cycle_persists(damped, full_accuracy=False)))
+        persists = law.simulated(gains, velocity) if not law.joint.friction.rigid else _persists(law, gains, velocity)
         known = np.isfinite(persists)
         if known.any():
             total += law.weight * float(persists[known].mean())
@@ -103,3 +118,11 @@ def stick_slip_probability(uncertainty: Uncertainty, gains: Gains, velocity: flo
     if answered == 0.0:
         return math.nan
     return uncertainty.bounded(total / answered)
+
+
+def _persists(law: Uncertainty, gains: Gains, velocity: float) -> FloatArray:
+    """Whether stick-slip of each of some draws of a law goes on, 1 or 0; NaN without an answer."""
+    groups = law.thinned().groups(gains, velocity)
+    ratio = np.asarray(groups.damping_ratio)
+    damped = replace(groups, damping_ratio=np.maximum(ratio, 0.0))
+    return np.where(ratio < 0.0, 1.0, np.asarray(cycle_persists(damped, full_accuracy=False)))

@@ -282,8 +282,9 @@ def _integrate(law, plant, control, sampled, references, velocities, period, ste
     past = np.zeros(int(reach) + 4)
     x = v = z = anchor = 0.0
     if bristle_stiffness > 0.0:
-        # An elastic contact carries what the controller begins with.
+        # The contact carries what the controller begins with.
         anchor = (constant_load - stiffness * references[0] - damping * velocities[0]) / bristle_stiffness
+        z = -anchor
     level, direction, resting = stribeck, 0.0, True
     breakaway, arrest, last_rest = 0.0, 0.0, 0.0
     held = before = 0.0

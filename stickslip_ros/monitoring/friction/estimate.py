@@ -28,6 +28,7 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     VISCOUS,
 )
 from stickslip_ros.monitoring.friction.asymmetry import Asymmetry
+from stickslip_ros.monitoring.friction.bristles import BristleContact
 from stickslip_ros.monitoring.friction.curved_viscous import Curvature
 from stickslip_ros.monitoring.friction.dry_friction import DryFriction
 from stickslip_ros.monitoring.friction.friction_factor import FrictionFactor
@@ -76,13 +77,14 @@ class LawAlternative:
     Attributes
     ----------
     law : its name. weight : its probability, given the slips.
-    logarithms, covariance : as of :class:`FrictionEstimate`.
+    logarithms, covariance, contact : as of :class:`FrictionEstimate`.
     """
 
     law: str
     weight: float
     logarithms: FloatArray
     covariance: FloatArray
+    contact: BristleContact | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,6 +118,8 @@ class FrictionEstimate:
         that, so that no verdict that rests on them is sure.
     curvature : of viscous friction over speed, where it shows; the viscous friction told is then that at its speed.
     asymmetry : of Stribeck friction by direction, where it shows; the value is then that of the direction with more.
+    contact : that yields before it breaks away, where slips show it; there is neither lag nor rise of static friction
+        then. None else.
     """
 
     source: ForceSource
@@ -141,6 +145,7 @@ class FrictionEstimate:
     may_be_late: bool = False
     curvature: Curvature | None = None
     asymmetry: Asymmetry | None = None
+    contact: BristleContact | None = None
 
     def __getitem__(self, name: str) -> ParameterEstimate:
         """A parameter by its name, one of :data:`NAMES` or :data:`COULOMB_AND_LOAD`."""
@@ -149,6 +154,8 @@ class FrictionEstimate:
         index = FITTED.index(name)
         if name == "inertia" and self.normalised:
             return ParameterEstimate(value=1.0, std=0.0, identified=False)
+        if index in (LAG, RISE_TIME) and self.contact is not None:
+            return ParameterEstimate(value=0.0, std=0.0, identified=False)
         value = math.exp(self.logarithms[index])
         error = math.sqrt(max(float(self.covariance[index, index]), 0.0))
         identified = error <= IDENTIFIED and not self.mismatch
@@ -172,8 +179,8 @@ class FrictionEstimate:
     @property
     def unidentified(self) -> tuple[str, ...]:
         """Names of the parameters that the margin depends on and the data do not determine."""
-        names = NAMES if not self.normalised else NAMES[1:]
-        return tuple(name for name in names if name != "coulomb" and not self[name].identified)
+        absent = (*(("inertia",) if self.normalised else ()), *(("lag", "rise_time") if self.contact else ()))
+        return tuple(name for name in NAMES if name not in ("coulomb", *absent) and not self[name].identified)
 
     @property
     def gains(self) -> Gains | None:
@@ -182,7 +189,8 @@ class FrictionEstimate:
 
     def joint(self) -> Joint:
         """The joint as estimated; of inertia one where the gains are unknown."""
-        return _joint(self.logarithms, self.coulomb.value, self.law, normalised=self.normalised)
+        joint = _joint(self.logarithms, self.coulomb.value, self.law, normalised=self.normalised)
+        return joint if self.contact is None else self.contact.applied_to(joint)
 
     def draws(self) -> tuple[Joint, FloatArray]:
         """Joints as likely as the errors allow, as one of arrays, and the stiffness of each where that is estimated.
@@ -191,8 +199,11 @@ class FrictionEstimate:
         """
         values, vectors = np.linalg.eigh(self.covariance)
         root = vectors * np.sqrt(np.clip(values, 0.0, SPREAD_LIMIT**2))
-        logarithms = self.logarithms[:, None] + root @ _NORMAL
+        offsets = root @ _NORMAL
+        logarithms = self.logarithms[:, None] + offsets
         joint = _joint(logarithms, max(self.coulomb.value, 0.0), self.law, normalised=self.normalised)
+        if self.contact is not None:
+            joint = self.contact.drawn(joint, offsets)
         return joint, np.exp(logarithms[INERTIA])
 
     def by_law(self) -> tuple[tuple[float, FrictionEstimate], ...]:
@@ -201,7 +212,14 @@ class FrictionEstimate:
         others = (
             (
                 other.weight,
-                replace(self, law=other.law, logarithms=other.logarithms, covariance=other.covariance, alternatives=()),
+                replace(
+                    self,
+                    law=other.law,
+                    logarithms=other.logarithms,
+                    covariance=other.covariance,
+                    contact=other.contact,
+                    alternatives=(),
+                ),
             )
             for other in self.alternatives
         )
@@ -246,7 +264,7 @@ class FrictionEstimate:
         if self.alternatives:
             others = " or ".join(f"{other.law} ({100 * other.weight:.0f} %)" for other in self.alternatives)
             text += f"; the law may also be {others}"
-        for effect in (self.friction_factor, self.curvature, self.asymmetry):
+        for effect in (self.friction_factor, self.curvature, self.asymmetry, self.contact):
             if effect is not None:
                 text += f"; {effect.text}"
         if self.may_be_late:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._friction_law import PAPERS_LAW
 from stickslip_ros.model.friction import Joint
+from stickslip_ros.monitoring.friction import _bristle_kernel as bristle
 from stickslip_ros.monitoring.friction._window_kernel import (
     INERTIA,
     LAG,
@@ -27,6 +28,7 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     VISCOUS,
 )
 from stickslip_ros.monitoring.friction.asymmetry import asymmetry_of, in_the_worse_direction
+from stickslip_ros.monitoring.friction.bristles import BristleContact, BristleFit, bristle_fits
 from stickslip_ros.monitoring.friction.curved_viscous import curvature_of
 from stickslip_ros.monitoring.friction.dry_friction import LEAST_OF_A_DIRECTION, dry_friction_of
 from stickslip_ros.monitoring.friction.estimate import (
@@ -56,7 +58,7 @@ from stickslip_ros.monitoring.friction.slip_data import SlipData
 from stickslip_ros.monitoring.friction.slip_fit import SlipFit
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, Budget, SlipProblem
 from stickslip_ros.monitoring.friction.slip_search import search
-from stickslip_ros.monitoring.friction.slip_solution import FITS
+from stickslip_ros.monitoring.friction.slip_solution import FITS, truncated_fit
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow, contradiction
 from stickslip_ros.monitoring.friction.trend import TREND, Trend
 from stickslip_ros.monitoring.friction.yielding_contact import fit_with_contact
@@ -68,7 +70,20 @@ MOST_STEPS = 2.5e7
 LEAST_SLIPS = 3  # slips, 1: fewer are not fitted
 _KNOWN_SPREAD = 0.7  # standard deviation of a configured value's logarithm, 1: right within a factor of two
 _SCATTER = 0.05  # variation of the kinetic friction from slip to slip, of the Stribeck friction
+_ON_BRISTLES = [INERTIA, VISCOUS, STRIBECK_VELOCITY, STRIBECK]  # parameters that a joint on bristles has
 _ASIDE = 0.34  # slips that nothing explains, of all slips
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlipsOnBristles(FittedLaw):
+    """Fit of a law that does not explain the slips, of a joint whose contact yields.
+
+    Attributes
+    ----------
+    bristles : fits of the same slips by a joint on bristles, the likeliest curve first: the estimate is theirs.
+    """
+
+    bristles: tuple[BristleFit, ...]
 
 
 def estimate_friction(windows: list[SlipWindow], configured: Joint | None = None) -> FrictionEstimate | None:
@@ -112,6 +127,8 @@ def fitted_laws(
     budget = Budget(most_steps)
     known = _prior_knowledge(configured, normalised=windows[0].source is ForceSource.SPEED)
     problem = SlipProblem(SlipData(windows), model_of(windows, known=known), budget=budget)
+    if yields and start is not None and (again := _on_bristles_again(problem, start)) is not None:
+        return [again]
     solution = fit_with_contact(problem, start) if yields and start is not None else None
     if solution is None and (solution := search(problem, start)) is not None:
         # Slips set aside say nothing of their direction; with those of one alone nothing tells the load from friction.
@@ -121,6 +138,9 @@ def fitted_laws(
     if solution is None:
         return []
     plain = FittedLaw(solution=solution)
+    # Joints on bristles are no paper's joint with a term more; slips that begin slowly are in vain fitted as others.
+    if not plain.fits and (bristles := bristle_fits(windows)):
+        return [SlipsOnBristles(solution=solution, bristles=bristles)]
     steady = with_shown_terms(plain)
     first = with_optional_terms(TREND.fitted(steady))
     fits = weighed_laws(first, rejected)
@@ -138,6 +158,14 @@ def fitted_laws(
         if best is not fits[0]:
             fits = weighed_laws(best, rejected)
     return sorted(fits, key=lambda fit: fit.law != PAPERS_LAW)
+
+
+def _on_bristles_again(problem: SlipProblem, start: FloatArray) -> FittedLaw | None:
+    """Bristles without a search for what else may explain the slips, where a fit near the earlier one does not."""
+    solution = truncated_fit(problem, start)
+    if solution is None or FittedLaw(solution=solution).fits or not (found := bristle_fits(problem.data.windows)):
+        return None
+    return SlipsOnBristles(solution=solution, bristles=found)
 
 
 def may_be_usable(windows: list[SlipWindow]) -> bool:
@@ -192,6 +220,8 @@ def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configur
     ----------
     covariance : as :func:`covariance_over_laws` has it.
     """
+    if isinstance(fits[0], SlipsOnBristles):
+        return _on_bristles(fits[0].bristles)
     law, problem, solution = fits[0].law, fits[0].problem, fits[0].solution
     fit = solution.fit
     aside = int((~problem.noise.usable).sum())
@@ -288,6 +318,63 @@ def _alternative(fit: FittedLaw) -> LawAlternative:
         weight=fit.weight,
         logarithms=parameters[:PARAMETERS],
         covariance=covariance[:PARAMETERS, :PARAMETERS],
+    )
+
+
+def _on_bristles(fits: tuple[BristleFit, ...]) -> FrictionEstimate:
+    """The estimate of a joint on bristles, by the likeliest of its Stribeck curves."""
+    first, found = fits[0], [_bristle_values(fit) for fit in fits]
+    aside = int((~first.noise.usable).sum())
+    error, load_error = np.sqrt(np.diag(first.covariance)[[bristle.COULOMB, bristle.LOAD]]).tolist()
+    kinetic = math.exp(first.parameters[bristle.COULOMB])
+    scale = IDENTIFIED * (kinetic + math.exp(first.parameters[bristle.STRIBECK]))
+    coulomb = together = ParameterEstimate(value=kinetic, std=kinetic * error, identified=kinetic * error <= scale)
+    load = NOT_ESTIMATED
+    if load_error > 0.0:
+        value = float(first.parameters[bristle.LOAD])
+        load, together = ParameterEstimate(value=value, std=load_error, identified=load_error <= scale), NOT_ESTIMATED
+    else:
+        coulomb = ParameterEstimate(value=kinetic, std=kinetic, identified=False)
+    # How far the others' values are off is part of the errors.
+    covariance = found[0].covariance
+    for other in found[1:]:
+        off = of_law(PAPERS_LAW, other.logarithms, other.law) - of_law(PAPERS_LAW, found[0].logarithms, first.law)
+        covariance = covariance + other.weight * np.outer(off, off)
+    return FrictionEstimate(
+        source=ForceSource.GAINS,
+        normalised=False,
+        logarithms=found[0].logarithms,
+        covariance=covariance,
+        coulomb=coulomb,
+        load=load,
+        coulomb_and_load=together,
+        slips=first.data.count - aside,
+        aside=aside,
+        mean_square=first.mean_square,
+        left_over=0.0,
+        scatter=0.0,
+        mismatch=contradiction(first.data.windows),
+        configured=False,
+        law=first.law,
+        alternatives=tuple(found[1:]),
+        contact=found[0].contact,
+    )
+
+
+def _bristle_values(fit: BristleFit) -> LawAlternative:
+    """What a fit has, in the order of :class:`FrictionEstimate`; its lag and rise time stand for none."""
+    order = [bristle.INERTIA, bristle.VISCOUS, bristle.STRIBECK_VELOCITY, bristle.STRIBECK]
+    contact = [bristle.STIFFNESS, bristle.BRISTLE_DAMPING]
+    logarithms, covariance = np.zeros(PARAMETERS), np.zeros((PARAMETERS + 2, PARAMETERS + 2))
+    logarithms[_ON_BRISTLES] = fit.parameters[order]
+    places = [*_ON_BRISTLES, PARAMETERS, PARAMETERS + 1]
+    covariance[np.ix_(places, places)] = fit.covariance[np.ix_([*order, *contact], [*order, *contact])]
+    return LawAlternative(
+        law=fit.law,
+        weight=fit.weight,
+        logarithms=logarithms,
+        covariance=covariance[:PARAMETERS, :PARAMETERS],
+        contact=BristleContact.of(fit.parameters[contact], covariance),
     )
 
 

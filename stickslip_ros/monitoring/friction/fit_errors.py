@@ -15,6 +15,7 @@ computer models", Journal of the Royal Statistical Society B 63, 2001).
 from __future__ import annotations
 
 import math
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 from stickslip_ros.model.bounds import TINY
 from stickslip_ros.monitoring.friction._window_kernel import INERTIA, LEVEL, RISE_TIME, STRIBECK, VISCOUS
 from stickslip_ros.monitoring.friction.late_controller import LATE, Delay
+from stickslip_ros.monitoring.friction.slip_data import NoiseModel, SlipData
 from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_solution import OUTLIER
@@ -35,7 +37,7 @@ _RISEN, _LONGER = 0.1, 2.0  # rise time that has long passed, of the usual rest;
 _MORE = 0.1  # difference of a level's logarithm, 1: with more F_s∞ is too small for the level
 _ANY = 1.5  # standard error of a logarithm, 1: with more its value is open
 _CONFIGURED = 0.5  # information of a prior, 1: with more the rise time is configured
-_OF_HOLDING = 1.0 / 24.0  # gain that an oscillation loses by a force that is held for Δt, of (ω Δt)²
+OF_HOLDING = 1.0 / 24.0  # gain that an oscillation loses by a force that is held for Δt, of (ω Δt)²
 _HALF_A_STEP = 0.5  # error of the force, of what a sample interval adds to the force
 # Excess of a mean square, standard deviations: the right law comes to 4, with hundreds of residuals in each part.
 _SURE = 6.0
@@ -43,6 +45,33 @@ _SURE = 6.0
 # median so many times, on machines with drag, with two masses, and with Stribeck curves of exponents from ½ to 4.
 _WRONG_LAW = 10.0  # factor on the errors of a law that does not fit, 1
 _ABSORBED = 8  # parts of a slip that a fit absorbs, 1: as many freedoms it has in each
+
+
+class Observed(Protocol):
+    """Slips, and what each observation of them says; of whatever model."""
+
+    data: SlipData
+    noise: NoiseModel
+
+
+class ScoredFit(Protocol):
+    """What a fit leaves over and what it rests on, as of :class:`.SlipFit`."""
+
+    @property
+    def residuals(self) -> FloatArray:
+        """Of the observations, in standard deviations."""
+
+    @property
+    def information(self) -> FloatArray:
+        """Of the data on what is fitted."""
+
+    @property
+    def scores(self) -> FloatArray:
+        """Each slip's share of the gradient."""
+
+    @property
+    def bias_sensitivity(self) -> FloatArray:
+        """Gradient by a discrepancy in each part of the slips."""
 
 
 def covariance_of(information: FloatArray, prior: Prior) -> FloatArray:
@@ -64,6 +93,19 @@ def robust_covariance(problem: SlipProblem, fit: SlipFit, prior: Prior, late: fl
     late : root mean square of a controller's delay that is not fitted [sample intervals]; by its prior if None.
     """
     narrow = covariance_of(fit.information, prior)
+    return np.asarray(
+        covariance_by_residuals(problem, fit, prior)
+        + _by_sampling(problem, fit, LATE if late is None else late)
+        + _by_steps(problem, fit, narrow)
+        + _by_trend(problem, fit)
+        + _by_effort(problem, fit)
+        + _by_unidentified_rise(problem, fit, prior)
+    )
+
+
+def covariance_by_residuals(problem: Observed, fit: ScoredFit, prior: Prior) -> FloatArray:
+    """Covariance of least squares, inflated by misfit, scatter from slip to slip and what repeats."""
+    narrow = covariance_of(fit.information, prior)
     mean_square = float(np.mean(fit.residuals[problem.noise.counted] ** 2)) if problem.noise.usable.any() else 1.0
     aside = 1.0 - float(problem.noise.usable.mean())
     covariance = narrow * (1.0 + _PER_MISFIT * max(mean_square - _TOLERATED, 0.0)) * (1.0 + OUTLIER * aside)
@@ -73,18 +115,10 @@ def robust_covariance(problem: SlipProblem, fit: SlipFit, prior: Prior, late: fl
         seen = covariance @ (used.T @ used * (len(used) / freedom)) @ covariance
         factors = np.sqrt(np.maximum(1.0, np.diag(seen) / np.maximum(np.diag(covariance), TINY)))
         covariance = covariance * np.outer(factors, factors)
-    return np.asarray(
-        covariance
-        + _by_discrepancy(problem, fit, narrow)
-        + _by_sampling(problem, fit, LATE if late is None else late)
-        + _by_steps(problem, fit, narrow)
-        + _by_trend(problem, fit)
-        + _by_effort(problem, fit)
-        + _by_unidentified_rise(problem, fit, prior)
-    )
+    return np.asarray(covariance + _by_discrepancy(problem, fit, narrow))
 
 
-def repeating_residual(problem: SlipProblem, fit: SlipFit) -> float:
+def repeating_residual(problem: Observed, fit: ScoredFit) -> float:
     """Systematic residual, common to all slips, as a standard deviation in slip distances.
 
     It is the mean residual of each part of a slip, less what the scatter within the part explains.
@@ -97,7 +131,7 @@ def repeating_residual(problem: SlipProblem, fit: SlipFit) -> float:
     return float(np.sqrt(max(float(excess[seen].mean()), 0.0)))
 
 
-def repeats_for_sure(problem: SlipProblem, fit: SlipFit) -> bool:
+def repeats_for_sure(problem: Observed, fit: ScoredFit) -> bool:
     """Whether the mean residuals of the parts of a slip are more than chance makes of independent ones."""
     means, scatter, counts = _residual_of_parts(problem, fit)
     seen = (counts > 2) & (scatter > 0.0)
@@ -106,7 +140,7 @@ def repeats_for_sure(problem: SlipProblem, fit: SlipFit) -> bool:
     return squares > freedom + _SURE * math.sqrt(2.0 * freedom)
 
 
-def _residual_of_parts(problem: SlipProblem, fit: SlipFit) -> tuple[FloatArray, FloatArray, NDArray[np.int64]]:
+def _residual_of_parts(problem: Observed, fit: ScoredFit) -> tuple[FloatArray, FloatArray, NDArray[np.int64]]:
     """Mean residual of each part of a slip that is counted, and its variance, as shares of a slip's distance; how many.
 
     In the direction of the slip; all of the same shape (parts,).
@@ -133,7 +167,7 @@ def _by_sampling(problem: SlipProblem, fit: SlipFit, late: float) -> FloatArray:
     variances = np.zeros(columns)
     if not problem.data.normalised:
         angle = problem.natural_frequency(fit.parameters) * problem.data.sample_interval
-        variances[:PARAMETERS] = ((0.5 * late**2 + _OF_HOLDING) * angle**2) ** 2
+        variances[:PARAMETERS] = ((0.5 * late**2 + OF_HOLDING) * angle**2) ** 2
         variances[size] = (_HALF_A_STEP * problem.loading_rate(fit.parameters) * problem.data.sample_interval) ** 2
     if problem.may_be_late and problem.model.term(Delay) is None:
         lighter = late * problem.data.sample_interval * problem.latest_gains[1]
@@ -201,7 +235,7 @@ def _by_unidentified_rise(problem: SlipProblem, fit: SlipFit, prior: Prior) -> F
     return np.diag(variances)
 
 
-def _by_discrepancy(problem: SlipProblem, fit: SlipFit, covariance: FloatArray) -> FloatArray:
+def _by_discrepancy(problem: Observed, fit: ScoredFit, covariance: FloatArray) -> FloatArray:
     """Covariance of what a discrepancy that repeats from slip to slip makes of the parameters."""
     count = len(fit.bias_sensitivity)
     size = repeating_residual(problem, fit) ** 2 * count / max(count - _ABSORBED, 1)

@@ -37,7 +37,6 @@ _LEAST_BALANCE = 2e-3  # error of kinetic friction, of the usual force: no model
 # as much; but noise exceeds that now and then in many slips and repeated studies, and wider errors do less harm than a
 # false term.
 CLEARLY_BETTER = 10.0
-_WHITE = 2.0  # residuals in a run of one sign, if they are independent
 # Speed at which the Stribeck friction has fallen to half, in Stribeck velocities.
 _HALF_SPEED = {"hess_soom": 1.0, "exponential": math.sqrt(math.log(2.0))}
 
@@ -201,11 +200,8 @@ def _usual_force(problem: SlipProblem, fit: SlipFit) -> float:
 
 def residuals_per_observation(solution: Solution) -> float:
     """Residuals per independent observation, by runs of one sign; at least one."""
-    problem, residuals = solution.problem, solution.fit.residuals
-    used = problem.noise.counted
-    ends = (np.diff(np.sign(residuals)) != 0) | (np.diff(problem.data.slip_of) != 0)
-    runs = 1 + int(np.count_nonzero(ends[used[1:]]))
-    return max(float(used.sum()) / runs / _WHITE, 1.0)
+    problem = solution.problem
+    return problem.data.mean_run(problem.noise.counted, solution.fit.residuals)
 
 
 def of_law(law: str, parameters: FloatArray, own_law: str) -> FloatArray:

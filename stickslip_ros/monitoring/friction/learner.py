@@ -170,7 +170,7 @@ class FrictionLearner:
         if len(chosen) >= _FIRST_STUDY:
             start = self._start(chosen)
             rejected = () if start is None or self._state is None else self._state.rejected
-            yields = self._state is not None and self._state.contact is not None
+            yields = self._state is not None and self._state.yields
             self._due = StudyQuestion(
                 windows=chosen, configured=self.configured, start=start, rejected=rejected, yields=yields
             )

@@ -29,6 +29,7 @@ _LASTING = 3  # slips, 1: a change of speed lasts
 _SLOWEST = 0.02  # speed, of a slip's mean: slower motion says no more about an edge
 _PARTS = 16  # parts of a slip in which residuals are compared from slip to slip, 1
 _FINEST = 2e-5  # error of a position, of a slip: neither stamps nor integration are more exact
+_WHITE = 2.0  # residuals in a run of one sign, if they are independent
 # Errors of a reference's speed, of it: known, as a mean, of few cycles.
 _KNOWN_SPEED, _MEAN_SPEED, _FEW_CYCLES = 1e-4, 0.01, 0.03
 
@@ -253,6 +254,12 @@ class SlipData:
         uneven = gaps - self.sample_interval * np.round(gaps / self.sample_interval)
         largest = float(np.sqrt(np.mean(uneven**2)))
         return min(math.sqrt(excess), largest) if excess > 0.2 * float(np.mean(expected)) else 0.0
+
+    def mean_run(self, counted: NDArray[np.bool_], residuals: FloatArray) -> float:
+        """Mean length of the runs of residuals of one sign, of that of independent ones; at least one."""
+        ends = (np.diff(np.sign(residuals)) != 0) | (np.diff(self.slip_of) != 0)
+        runs = 1 + int(np.count_nonzero(ends[counted[1:]]))
+        return max(float(counted.sum()) / runs / _WHITE, 1.0)
 
     def detected(self, level: float) -> FloatArray:
         """The slips' unknowns as the detection sees them, with one level [N·m] for all."""

@@ -269,16 +269,16 @@ class _Fit:
         follow = by_parameters.reshape(data.count, UNKNOWNS, -1)
         projected = -np.einsum("am,mac->mc", equations.slopes[shared:-1], follow[data.slip_of])
         projected[:, equations.moving] += equations.slopes[:shared].T
-        projected *= _weights(point.residuals)[:, None]
+        projected *= weights(point.residuals)[:, None]
         way = (data.directions * data.distances)[data.slip_of] / problem.noise.errors
         bias_sensitivity = np.zeros((data.parts_of_slips.max() + 1, projected.shape[1]))
         np.add.at(bias_sensitivity, data.parts_of_slips, projected * way[:, None])
         scores = np.add.reduceat(projected * point.residuals[:, None], data.observation_edges[:-1], axis=0)
         projected = balance - np.einsum("na,nac->nc", own_balance, follow)
-        scores += projected * (_weights(point.balance) * point.balance)[:, None]
+        scores += projected * (weights(point.balance) * point.balance)[:, None]
         projected = links - np.einsum("na,nac->nc", own_link, follow)
         projected[1:] -= np.einsum("na,nac->nc", next_link[:-1], follow[:-1])
-        scores += projected * (_weights(point.links) * point.links)[:, None]
+        scores += projected * (weights(point.links) * point.links)[:, None]
         rest = (point.unknowns[:, POSITION] - data.rests) / data.rest_errors**2
         scores -= rest[:, None] * follow[:, POSITION]
         return replace(
@@ -433,6 +433,6 @@ def robust(residuals: FloatArray) -> float:
     return float(np.where(size < HUBER, size * size, 2.0 * HUBER * size - HUBER**2).sum())
 
 
-def _weights(residuals: FloatArray) -> FloatArray:
+def weights(residuals: FloatArray) -> FloatArray:
     """Weights that make squares of them :func:`robust`."""
     return np.minimum(1.0, HUBER / np.maximum(np.abs(residuals), 1e-12))
