@@ -21,6 +21,7 @@ from stickslip_ros.monitoring.friction.dry_friction import PositionDisturbance
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.friction.estimation import (
     MOST_STEPS,
+    SlipsOnBristles,
     covariance_over_laws,
     fitted_laws,
     friction_estimate,
@@ -56,6 +57,7 @@ class Learnt:
     explains : whether the fit, with what it has subtracted, explains the slips. explains_latest : whether it explains
         the latest ones, however well it explains the others.
     rejected : names of the laws that these slips have rejected for good.
+    bristles : parameters of the joint on bristles that was fitted, shape (8,); None if none was.
     jitter : standard deviation of time stamps [s]. stribeck_fraction : share of F_s∞ left at the last arrest.
     """
 
@@ -76,11 +78,7 @@ class Learnt:
     explains: bool = True
     explains_latest: bool = True
     rejected: tuple[str, ...] = field(default=(), metadata={"key": "hopeless"})
-
-    @property
-    def yields(self) -> bool:
-        """Whether the contact yields before it breaks away: at rest alone, or as bristles do."""
-        return self.contact is not None or self.estimate.contact is not None
+    bristles: FloatArray | None = None
 
     @property
     def model(self) -> SlipModel:
@@ -105,6 +103,7 @@ class StudyQuestion:
     ----------
     windows : the slips. configured : prior, or None. start : logarithms that fitted earlier slips, or None.
     rejected : laws that earlier slips have excluded. yields : whether they were of a contact that yields.
+    bristles : parameters of a joint on bristles that fitted them, or None.
     most_steps : steps of simulation; a study that would take more is cut short, and its estimate says so.
     """
 
@@ -113,6 +112,7 @@ class StudyQuestion:
     start: FloatArray | None = None
     rejected: tuple[str, ...] = ()
     yields: bool = False
+    bristles: FloatArray | None = None
     most_steps: float = MOST_STEPS
 
 
@@ -130,7 +130,7 @@ def study(question: StudyQuestion) -> Learnt | None:
     if not may_be_usable(without):
         # A search for what would not be believed takes seconds, and of these slips each asks for another.
         return found
-    alone = _fitted(replace(question, windows=without, start=None, rejected=(), yields=False))
+    alone = _fitted(replace(question, windows=without, start=None, rejected=(), yields=False, bristles=None))
     if alone is None or not alone.estimate.usable:
         return found
     if found is None:
@@ -161,6 +161,7 @@ def _study(question: StudyQuestion) -> Learnt | None:
         question.start,
         question.rejected,
         yields=question.yields,
+        bristles=question.bristles,
         most_steps=question.most_steps,
     )
     if not fits:
@@ -189,6 +190,7 @@ def _study(question: StudyQuestion) -> Learnt | None:
         explains=not unexplained(fits[0]),
         explains_latest=_explains_latest(problem, fit),
         rejected=fits[0].rejected,
+        bristles=fits[0].bristles[0].parameters if isinstance(fits[0], SlipsOnBristles) else None,
     )
 
 

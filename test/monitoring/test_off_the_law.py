@@ -134,9 +134,14 @@ def test_laws_that_the_slips_do_not_exclude_are_averaged() -> None:
         assert advised.damping >= float(needed[0]) * (1.0 - 1e-6)
 
 
-@pytest.mark.parametrize(
-    ("condition", "seed"), [("ripple_20", 0), nightly("ripple_200", 1), ("lugre", 0), nightly("lugre", 1)]
-)
+def test_more_slips_do_not_lose_a_contact() -> None:
+    """Slips on bristles were fitted up to the 32nd; of the 48 no start led anywhere, and nothing was identified."""
+    _, estimate = learnt("lugre", 2)
+    assert estimate.contact is not None
+    assert estimate["inertia"].identified
+
+
+@pytest.mark.parametrize(("condition", "seed"), [("ripple_20", 0), nightly("ripple_200", 1), ("two_masses", 0)])
 def test_what_the_model_does_not_explain_is_not_believed(condition: str, seed: int) -> None:
     """Issue 18, found wrong 3 and 4: misfit was said and believed all the same."""
     recording, estimate = learnt(condition, seed)
@@ -149,7 +154,7 @@ def test_what_the_model_does_not_explain_is_not_believed(condition: str, seed: i
     for factor in (0.5, 2.0):
         gains = replace(recording.gains, stiffness=factor * float(recording.gains.stiffness))
         assert 0.05 < stick_slip_probability(selected.uncertainty, gains, speed) < 0.95
-    # By Eq. (43) no more than by the exact condition: it was 0.98 for a joint on bristles, and 1 with a ripple.
+    # By Eq. (43) no more than by the exact condition: it was 0.98 of slips that begin slowly, and 1 with a ripple.
     for factor in (0.1, 0.5, 1.0, 2.0, 30.0):
         margin = stability_margin(selected.joint, selected.gains, factor * speed)
         assert 0.05 < uncertainty_of(margin, selected, factor * speed)[1] < 0.95

@@ -16,12 +16,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from itertools import chain, islice
 
 import numpy as np
 from numpy.linalg import LinAlgError
 from numpy.typing import NDArray
 
-from stickslip_ros.model._friction_law import LAWS, LUGRE
+from stickslip_ros.model._friction_law import LAWS, LUGRE, PAPERS_LAW
 from stickslip_ros.model.friction import Joint, Real
 from stickslip_ros.monitoring.friction import _bristle_kernel as kernel
 from stickslip_ros.monitoring.friction._bristle_kernel import (
@@ -44,15 +45,15 @@ from stickslip_ros.monitoring.friction.slip_solution import FITS, WIDE
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
 
+MOST_ON_BRISTLES = 24  # slips that are fitted, 1: more of them would not change what a fit finds
 _LEAST_SLIPS = 4  # usable slips, 1: at least, as in a first study
-_MOST_SLIPS = 24  # slips that are fitted, 1
 _FEW, _OBSERVATIONS = 8, 60  # slips and observations of each while a start is searched, 1
 _OUTLIER = 3.0  # mean square of a slip's residuals, 1: a slip with more, as two in one, is set aside
 _MOST_ASIDE = 0.25  # slips set aside, of all: with more the joint is another one
-_MOST_STEPS = 2e7  # steps of simulation for one Stribeck curve, 1: 2 s of a core
+_MOST_STEPS, _MOST_SEARCH = 2e7, 3e6  # steps of simulation for one Stribeck curve, 1: 2 s of a core; for a start
 _SHOWN = 0.15  # standard error of σ₀, of it: with more the slips do not show a contact that yields
 _SCREENING = (0.03, 0.01)  # tolerances of positions in the search for a start, of the slip distance
-_SCREENED, _TRIED = 0.5, 2  # mean square of residuals, 1: with less a start is good enough; of those so many are tried
+_SCREENED, _TRIED = 2.0, 2  # mean square of residuals, 1: with less a start is good enough; of those so many are tried
 _TIGHTENING = (0.005, 0.001, 0.0, 0.0)  # the same in the fit
 _NEARLY = 2.0  # mean square of residuals, 1: with more before the end a fit does not come to be good
 # Starts: stiffness of the contact, of the controller; Stribeck velocities, of the highest speed.
@@ -352,55 +353,61 @@ class _Fit:
         return covariance
 
 
-def bristle_fits(windows: list[SlipWindow]) -> tuple[BristleFit, ...]:
-    """Fits of slips by a joint on bristles, of each Stribeck curve that they do not exclude; the likeliest first."""
-    found = [fit for law in LAWS if (fit := fit_bristles(windows, law, Budget(_MOST_STEPS))) is not None]
-    if not found:
+def bristle_fits(windows: list[SlipWindow], start: FloatArray | None = None) -> tuple[BristleFit, ...]:
+    """Fits of slips by a joint on bristles, of each Stribeck curve that they do not exclude; the likeliest first.
+
+    There are none unless they leave nothing over and show the stiffness of the contact: a joint of many parameters
+    explains much. ``start``: parameters that fitted earlier slips, shape (8,), or None.
+    """
+    windows = [window for window in windows if window.source is ForceSource.GAINS]
+    if len(windows) < _LEAST_SLIPS:
         return ()
+    windows = _spread(windows, MOST_ON_BRISTLES)
+    for begin in islice(_screened(windows, start), _TRIED):
+        found = [fit for law in LAWS if (fit := _explaining_fit(windows, law, begin)) is not None]
+        if found:
+            return _weighed(found)
+    return ()
+
+
+def _screened(windows: list[SlipWindow], known: FloatArray | None) -> Iterator[FloatArray]:
+    """Parameters that nearly fit a few of the slips, with the paper's curve: another one is hardly seen in so few."""
+    few = [window.thinned(_OBSERVATIONS) for window in _spread(windows, _FEW)]
+    for start in chain([] if known is None else [known], _starts(SlipData(windows))):
+        fit = _Fit(few, PAPERS_LAW, start, Budget(_MOST_SEARCH))
+        point = _fitted(fit, start, _SCREENING, iterations=12, enough=0.02)
+        if point is not None and fit.mean_square(point) <= _SCREENED:
+            yield point.parameters
+
+
+def _explaining_fit(windows: list[SlipWindow], law: str, start: FloatArray) -> BristleFit | None:
+    """The fit of one Stribeck curve; None if it leaves anything over, or does not show the stiffness of the contact."""
+    fit = _Fit(windows, law, start, Budget(_MOST_STEPS))
+    point = _fitted(fit, start, _TIGHTENING, iterations=60, enough=1e-3)
+    if point is None or not _explains(fit, point):
+        return None
+    covariance = fit.covariance(point)
+    if not covariance[STIFFNESS, STIFFNESS] < _SHOWN**2:
+        return None
+    return BristleFit(
+        law=law,
+        data=fit.data,
+        noise=fit.noise,
+        parameters=point.parameters,
+        covariance=covariance,
+        residuals=point.residuals,
+        mean_square=fit.mean_square(point),
+    )
+
+
+def _weighed(found: list[BristleFit]) -> tuple[BristleFit, ...]:
+    """With their weights, without those that the slips exclude, the likeliest first."""
     counted = np.logical_and.reduce([fit.noise.counted for fit in found])
     misfits = np.array([fit.misfit(counted) for fit in found])
     best = found[int(np.argmin(misfits))]
     odds = np.exp(-0.5 * (misfits - misfits.min()) / best.data.mean_run(counted, best.residuals))
     weighed = [replace(fit, weight=float(weight)) for fit, weight in zip(found, odds / odds.sum(), strict=True)]
     return tuple(sorted((fit for fit in weighed if fit.weight > EXCLUDED), key=lambda fit: -fit.weight))
-
-
-def fit_bristles(windows: list[SlipWindow], law: str, budget: Budget) -> BristleFit | None:
-    """The fit of slips by a joint on bristles, whose Stribeck curve is a law's; None unless it leaves nothing over.
-
-    Nor is a contact one that yields whose stiffness the slips do not show: a joint of many parameters explains much.
-    """
-    windows = [window for window in windows if window.source is ForceSource.GAINS]
-    if len(windows) < _LEAST_SLIPS:
-        return None
-    windows = _spread(windows, _MOST_SLIPS)
-    few = [window.thinned(_OBSERVATIONS) for window in _spread(windows, _FEW)]
-    tried = 0
-    for start in _starts(SlipData(windows)):
-        fit = _Fit(few, law, start, budget)
-        point = _fitted(fit, start, _SCREENING, iterations=12, enough=0.02)
-        if point is None or fit.mean_square(point) > _SCREENED:
-            continue
-        start = point.parameters
-        fit = _Fit(windows, law, start, budget)
-        point = _fitted(fit, start, _TIGHTENING, iterations=60, enough=1e-3)
-        if point is not None and _explains(fit, point):
-            covariance = fit.covariance(point)
-            if not covariance[STIFFNESS, STIFFNESS] < _SHOWN**2:
-                return None
-            return BristleFit(
-                law=law,
-                data=fit.data,
-                noise=fit.noise,
-                parameters=point.parameters,
-                covariance=covariance,
-                residuals=point.residuals,
-                mean_square=fit.mean_square(point),
-            )
-        tried += 1
-        if tried == _TRIED:
-            break
-    return None
 
 
 def _fitted(

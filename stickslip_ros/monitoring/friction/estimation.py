@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.errors import InvalidParameterError
-from stickslip_ros.model._friction_law import PAPERS_LAW
+from stickslip_ros.model._friction_law import LUGRE, PAPERS_LAW
 from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring.friction import _bristle_kernel as bristle
 from stickslip_ros.monitoring.friction._window_kernel import (
@@ -28,7 +28,7 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     VISCOUS,
 )
 from stickslip_ros.monitoring.friction.asymmetry import asymmetry_of, in_the_worse_direction
-from stickslip_ros.monitoring.friction.bristles import BristleContact, BristleFit, bristle_fits
+from stickslip_ros.monitoring.friction.bristles import MOST_ON_BRISTLES, BristleContact, BristleFit, bristle_fits
 from stickslip_ros.monitoring.friction.curved_viscous import curvature_of
 from stickslip_ros.monitoring.friction.dry_friction import LEAST_OF_A_DIRECTION, dry_friction_of
 from stickslip_ros.monitoring.friction.estimate import (
@@ -113,6 +113,7 @@ def fitted_laws(
     rejected: Collection[str] = (),
     *,
     yields: bool = False,
+    bristles: FloatArray | None = None,
     most_steps: float = MOST_STEPS,
 ) -> list[FittedLaw]:
     """The laws that slips do not exclude, fitted to them, the paper's first if it is among them; none if nothing fits.
@@ -120,15 +121,21 @@ def fitted_laws(
     Parameters
     ----------
     start : logarithms that fitted earlier slips under the paper's law, or None. rejected : laws that these excluded.
-        yields : whether these were of a contact that yields. most_steps : of simulation; then the fits end where they
-        are.
+        yields : whether these were of a contact that yields. bristles : parameters of a joint on bristles that fitted
+        them, or None. most_steps : of simulation; then the fits end where they are.
     """
     windows = _of_known_directions(windows, np.ones(len(windows), dtype=bool))
     budget = Budget(most_steps)
     known = _prior_knowledge(configured, normalised=windows[0].source is ForceSource.SPEED)
     problem = SlipProblem(SlipData(windows), model_of(windows, known=known), budget=budget)
-    if yields and start is not None and (again := _on_bristles_again(problem, start)) is not None:
-        return [again]
+    excluded, tried = LUGRE in rejected, False
+    if bristles is not None and start is not None:
+        # No search for what else may explain the slips, where a fit near the earlier one does not.
+        near = truncated_fit(problem, start)
+        if near is not None and not FittedLaw(solution=near).fits:
+            if found := bristle_fits(windows, bristles):
+                return [SlipsOnBristles(solution=near, bristles=found)]
+            tried = True
     solution = fit_with_contact(problem, start) if yields and start is not None else None
     if solution is None and (solution := search(problem, start)) is not None:
         # Slips set aside say nothing of their direction; with those of one alone nothing tells the load from friction.
@@ -139,8 +146,10 @@ def fitted_laws(
         return []
     plain = FittedLaw(solution=solution)
     # Joints on bristles are no paper's joint with a term more; slips that begin slowly are in vain fitted as others.
-    if not plain.fits and (bristles := bristle_fits(windows)):
-        return [SlipsOnBristles(solution=solution, bristles=bristles)]
+    if not plain.fits and not excluded:
+        if not tried and (found := bristle_fits(windows, bristles)):
+            return [SlipsOnBristles(solution=solution, bristles=found)]
+        excluded = len(windows) >= MOST_ON_BRISTLES
     steady = with_shown_terms(plain)
     first = with_optional_terms(TREND.fitted(steady))
     fits = weighed_laws(first, rejected)
@@ -157,15 +166,9 @@ def fitted_laws(
                 break
         if best is not fits[0]:
             fits = weighed_laws(best, rejected)
+    if excluded:
+        fits = [replace(fit, rejected=(*fit.rejected, LUGRE)) for fit in fits]
     return sorted(fits, key=lambda fit: fit.law != PAPERS_LAW)
-
-
-def _on_bristles_again(problem: SlipProblem, start: FloatArray) -> FittedLaw | None:
-    """Bristles without a search for what else may explain the slips, where a fit near the earlier one does not."""
-    solution = truncated_fit(problem, start)
-    if solution is None or FittedLaw(solution=solution).fits or not (found := bristle_fits(problem.data.windows)):
-        return None
-    return SlipsOnBristles(solution=solution, bristles=found)
 
 
 def may_be_usable(windows: list[SlipWindow]) -> bool:

@@ -169,10 +169,14 @@ class FrictionLearner:
         chosen = best_known(self._kept.windows)
         if len(chosen) >= _FIRST_STUDY:
             start = self._start(chosen)
-            rejected = () if start is None or self._state is None else self._state.rejected
-            yields = self._state is not None and self._state.yields
+            state = None if start is None else self._state
             self._due = StudyQuestion(
-                windows=chosen, configured=self.configured, start=start, rejected=rejected, yields=yields
+                windows=chosen,
+                configured=self.configured,
+                start=start,
+                rejected=() if state is None else state.rejected,
+                yields=state is not None and state.contact is not None,
+                bristles=None if state is None else state.bristles,
             )
             self._studied = self._seen
 
