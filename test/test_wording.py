@@ -47,7 +47,7 @@ SENTENCES: list[tuple[Reason | None, str]] = [
     (TooCoarse(counts=4.2), "the encoder is too coarse: 4 counts a slip"),
     (TooFewCounts(), "the joint has moved by too few counts of its encoder"),
     (SampledTooSlowly(rate=5.0, needed=20.0), "sampled too slowly: 5 Hz; at least 20 Hz are needed"),
-    (SpeedFalls(share=0.126), "the speed falls to 13 % of its mean"),
+    (SpeedFalls(share=0.126), "the speed fell to 13 % of its mean a short time ago"),
     (ThinReserve(reserve=0.05, exactly=False), "damping reserve 5 % by Eq. (43)"),
     (ThinReserve(reserve=-0.5, exactly=True), "damping reserve -50 %"),
 ]

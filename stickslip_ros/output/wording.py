@@ -175,6 +175,6 @@ def reason_text(finding: Finding) -> str:
         case reasons.SampledTooSlowly(rate=rate, needed=needed):
             return f"sampled too slowly: {rate:.3g} Hz; at least {needed:.3g} Hz are needed"
         case reasons.SpeedFalls(share=share, at_most=at_most):
-            return f"the speed falls {'below' if at_most else 'to'} {100 * share:.0f} % of its mean"
+            return f"the speed fell {'below' if at_most else 'to'} {100 * share:.0f} % of its mean a short time ago"
         case reasons.ThinReserve(reserve=reserve, exactly=exactly):
             return f"damping reserve {100 * reserve:.0f} %{'' if exactly else ' by Eq. (43)'}"

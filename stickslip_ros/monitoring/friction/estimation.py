@@ -131,7 +131,7 @@ def fitted_laws(
     excluded, tried = LUGRE in rejected, False
     if bristles is not None and start is not None:
         # No search for what else may explain the slips, where a fit near the earlier one does not.
-        near = truncated_fit(problem, start)
+        near = truncated_fit(problem.spread(), start)
         if near is not None and not FittedLaw(solution=near).fits:
             if found := bristle_fits(windows, bristles):
                 return [SlipsOnBristles(solution=near, bristles=found)]
