@@ -109,7 +109,10 @@ def cycle_json(cycle: Cycle) -> dict[str, Any]:
 def _friction(estimate: FrictionEstimate | None, position: float) -> dict[str, Any] | None:
     if estimate is None:
         return None
-    found: dict[str, Any] = {name: as_json.parameter_json(estimate[name]) for name in (*NAMES, COULOMB_AND_LOAD)}
+    found: dict[str, Any] = {
+        name: as_json.parameter_json(estimate[name])
+        for name in dict.fromkeys((*NAMES, *estimate.names, COULOMB_AND_LOAD))
+    }
     found |= {
         "per_inertia": estimate.normalised,
         "slips": estimate.slips,

@@ -33,8 +33,8 @@ from stickslip_ros.cli.terminal import Terminal, new_table, progress_bar
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.interrupts import Interrupted
 from stickslip_ros.model._validation import require_finite, require_not_negative, require_positive
-from stickslip_ros.model.friction import JOINT_PARAMETERS, Gains
-from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES
+from stickslip_ros.model.friction import JOINT_PARAMETERS, PRESLIDING_PARAMETERS, Gains
+from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD
 from stickslip_ros.monitoring.identification import Identification, identify
 from stickslip_ros.output import published as published
 from stickslip_ros.output.as_json import json_text, parameter_json
@@ -240,11 +240,7 @@ def _as_json(found: Identification) -> dict[str, Any]:
     parameters, slips = found.parameters(), found.slips
     if slips is not None and math.isfinite(slips.coulomb_and_load.value):
         parameters[COULOMB_AND_LOAD] = (slips.coulomb_and_load, "slips")
-    friction = {
-        name: {**parameter_json(parameters[name][0]), "from": parameters[name][1]}
-        for name in (*NAMES, COULOMB_AND_LOAD)
-        if name in parameters
-    }
+    friction = {name: {**parameter_json(estimate), "from": origin} for name, (estimate, origin) in parameters.items()}
     frequency = slips.natural_frequency if slips is not None else None
     return {
         "friction": friction,
@@ -276,7 +272,7 @@ def _print(found: Identification, problems: Sequence[str]) -> None:
         return
     per_inertia = found.per_inertia
     rows = []
-    for one in JOINT_PARAMETERS:
+    for one in (*JOINT_PARAMETERS, *PRESLIDING_PARAMETERS):
         if one.name in parameters:
             unit = one.unit_where(per_inertia=per_inertia)
             rows.append((one.name.replace("_", " "), *parameters[one.name], unit))

@@ -7,6 +7,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._friction_law import PAPERS_LAW
 from stickslip_ros.model.friction import Friction, Gains, Joint
@@ -31,7 +33,7 @@ class Identification:
     ----------
     slips : estimate from slips, None if there were too few. sliding : the curve of friction, None if the effort
         is unknown or the joint hardly slid.
-    cycles : stick-slip cycles that were found. speed : usual speed of the motion [rad/s].
+    cycles : stick-slip cycles that were found. speed : usual speed of the motion, its median over time [rad/s].
     resolution : of the position [rad]. gains : in force, None if unknown.
     state : of the joint at the end, which has what is wrong with the samples.
     """
@@ -61,7 +63,7 @@ class Identification:
         if slips is not None and slips.normalised and self.gains is not None:
             slips = slips.with_stiffness(float(self.gains.stiffness), float(self.gains.damping))
         if slips is not None:
-            found = {name: (slips[name], "slips") for name in NAMES if math.isfinite(slips[name].value)}
+            found = {name: (slips[name], "slips") for name in slips.names if math.isfinite(slips[name].value)}
         if self.per_inertia:
             del found["inertia"]
         elif self.sliding is not None:
@@ -80,9 +82,10 @@ class Identification:
         InvalidParameterError
             If inertia, Stribeck friction or velocity are known from neither; the message says what would show them.
         """
+        known = self.parameters()
         values = {
             name: estimate.value
-            for name, (estimate, _) in self.parameters().items()
+            for name, (estimate, _) in known.items()
             if not (self.per_inertia and name in ("stribeck", "viscous"))
         }
         if prior is not None:
@@ -95,9 +98,17 @@ class Identification:
                 )
         inertia = values.pop("inertia")
         numbers = {name: max(value, 0.0) for name, value in values.items()}
-        friction = Friction(stribeck=numbers["stribeck"], stribeck_velocity=numbers["stribeck_velocity"])
+        # A Stribeck velocity is of the law it was fitted with: what sliding shows, and a prior, are of the paper's.
+        of_slips = known.get("stribeck_velocity", (None, ""))[1] == "slips"
+        friction = Friction(
+            stribeck=numbers["stribeck"],
+            stribeck_velocity=numbers["stribeck_velocity"],
+            law=self.slips.law if of_slips and self.slips is not None else PAPERS_LAW,
+        )
         transmission = None if prior is None else prior.transmission
-        return Joint(inertia=inertia, friction=friction.changed(numbers), transmission=transmission)
+        joint = Joint(inertia=inertia, friction=friction.changed(numbers), transmission=transmission)
+        contact = None if self.slips is None else self.slips.contact
+        return joint if contact is None else contact.applied_to(joint)
 
 
 def identify(batch: Batch, gains: Gains | None, prior: Joint | None = None) -> Identification:
@@ -125,13 +136,21 @@ def identify(batch: Batch, gains: Gains | None, prior: Joint | None = None) -> I
         for cycle in cycles
         if not cycle.hunting
     ]
-    speeds = [abs(segment.velocity) for segment in monitor.segments if segment.velocity]
+    speeds = sorted((abs(one.velocity), one.end - one.start) for one in monitor.segments if one.velocity)
     return Identification(
         slips=estimate_friction([window for window in windows if window is not None], prior),
         sliding=sliding_friction(batch, resolution=state.resolution, inertia=None),
         cycles=tuple(cycles),
-        speed=sorted(speeds)[len(speeds) // 2] if speeds else math.nan,
+        speed=_median_over_time(speeds),
         resolution=state.resolution,
         gains=gains,
         state=state,
     )
+
+
+def _median_over_time(speeds: list[tuple[float, float]]) -> float:
+    """Median of speeds, in their order, each with how long it lasted [s]; NaN of none."""
+    if not speeds:
+        return math.nan
+    values, lengths = np.array(speeds).T
+    return float(values[np.searchsorted(np.cumsum(lengths), 0.5 * lengths.sum())])

@@ -151,7 +151,8 @@ def _refuse_unknown(content: Any, known: set[str]) -> None:
 def joint_file_text(name: str, joint: Joint, found: Identification, gains: Gains | None, source: str) -> str:
     """A joint file as text, every value with its unit, its error and where it comes from."""
     known = found.parameters()
-    names = [parameter.name for parameter in JOINT_PARAMETERS]
+    # On a contact that slips show to yield there is neither lag nor rise time.
+    names = [one.name for one in JOINT_PARAMETERS if found.slips is None or one.name in found.slips.names]
     assumed = [name for name in names if name not in known or not known[name][0].identified]
 
     each = " / inertia" if found.per_inertia else ""
@@ -175,7 +176,7 @@ def joint_file_text(name: str, joint: Joint, found: Identification, gains: Gains
     if joint.transmission is not None:
         lines += _of_the_spring(joint.transmission)
     lines.append("friction:")
-    rows = list(FRICTION_PARAMETERS)
+    rows = [one for one in FRICTION_PARAMETERS if one.name in names]
     if joint.friction.law != PAPERS_LAW:
         lines.append(f"  law: {joint.friction.law}")
     if not joint.friction.rigid:

@@ -71,6 +71,33 @@ def test_a_joint_file_keeps_the_law(file: Path) -> None:
     assert PUMA.joint.friction.law == "hess_soom"
 
 
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"law": "exponential"},
+        {"contact": "lugre", "presliding_stiffness": 63000.0, "presliding_damping": 630.0, "lag": 0, "rise_time": 0},
+    ],
+)
+def test_what_is_identified_keeps_law_and_contact(
+    changes: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The joint file had the paper's law and a rigid contact, whatever the slips were fitted with."""
+    values = {"name": "other", "inertia": float(PUMA.joint.inertia), "gains": {"stiffness": 630.0}, "velocity": 0.005}
+    values |= {"friction": {**PUMA.joint.friction.numbers, **changes}, "encoder_resolution": 2.5e-5}
+    (tmp_path / "other.yaml").write_text(json.dumps(values), encoding="utf-8")
+    output(
+        capsys, f"simulate --model {tmp_path}/other.yaml --out {tmp_path}/bag.mcap --rate 500 --velocity 0.005,0.003"
+    )
+    output(capsys, f"identify {tmp_path}/bag.mcap --out {tmp_path}/found.yaml")
+    friction = load_joint(f"{tmp_path}/found.yaml").joint.friction
+    assert friction.law == changes.get("law", "hess_soom")
+    assert friction.rigid is ("contact" not in changes)
+    assert float(friction.stribeck_velocity) == pytest.approx(float(PUMA.joint.friction.stribeck_velocity), rel=0.02)
+    if "contact" in changes:
+        assert float(friction.presliding_stiffness) == pytest.approx(63000.0, rel=0.05)
+        assert float(friction.lag) == 0.0
+
+
 @pytest.mark.parametrize("law", ["gaussian", "3", "[exponential]", ""])
 def test_an_unknown_law_in_a_joint_file_is_refused(law: str, tmp_path: Path) -> None:
     """The message names the file, and the laws that are known."""

@@ -129,9 +129,14 @@ class BristleContact:
             root=vectors * np.sqrt(np.maximum(values, 0.0)),
         )
 
+    @property
+    def values(self) -> FloatArray:
+        """σ₀ [N·m/rad] and σ₁ [N·m·s/rad], shape (2,)."""
+        return np.asarray(np.exp(self.logarithms))
+
     def applied_to(self, joint: Joint) -> Joint:
         """The joint on this contact, without lag and rise of static friction."""
-        return self._on(joint, *np.exp(self.logarithms).tolist())
+        return self._on(joint, *self.values.tolist())
 
     def drawn(self, joint: Joint, offsets: FloatArray) -> Joint:
         """Joints as one of arrays, each on such a contact; ``offsets`` of their logarithms, shape (6, n)."""
@@ -150,7 +155,7 @@ class BristleContact:
     @property
     def text(self) -> str:
         """In words."""
-        stiffness, damping = np.exp(self.logarithms)
+        stiffness, damping = self.values
         return (
             f"the contact yields before it breaks away ({LUGRE}, presliding stiffness {stiffness:.3g} N·m/rad ± "
             f"{100.0 * self.stds[0]:.1g} %, damping {damping:.2g} N·m·s/rad)"

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from stickslip_ros.model._friction_law import PAPERS_LAW
-from stickslip_ros.model.friction import JOINT_PARAMETERS, Friction, Gains, Joint, Real
+from stickslip_ros.model.friction import JOINT_PARAMETERS, PRESLIDING_PARAMETERS, Friction, Gains, Joint, Real
 from stickslip_ros.monitoring.drive import DriveGains
 from stickslip_ros.monitoring.friction._window_kernel import (
     FITTED,
@@ -38,6 +38,7 @@ from stickslip_ros.monitoring.friction.slip_windows import ForceSource
 from stickslip_ros.monitoring.samples import FloatArray
 
 NAMES = tuple(parameter.name for parameter in JOINT_PARAMETERS)
+_OF_CONTACT = tuple(parameter.name for parameter in PRESLIDING_PARAMETERS)
 IDENTIFIED = 0.05  # standard error, of the value: with less the data determine a parameter
 DOES_NOT_FIT = "friction model does not fit"
 CUT_SHORT = "the study of the slips was cut short: further effects and laws were not tried"
@@ -147,17 +148,27 @@ class FrictionEstimate:
     asymmetry: Asymmetry | None = None
     contact: BristleContact | None = None
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters of such a joint: on a contact that yields it has no lag and no rise time."""
+        if self.contact is None:
+            return NAMES
+        return (*(name for name in NAMES if name not in ("lag", "rise_time")), *_OF_CONTACT)
+
     def __getitem__(self, name: str) -> ParameterEstimate:
-        """A parameter by its name, one of :data:`NAMES` or :data:`COULOMB_AND_LOAD`."""
+        """A parameter by its name; not estimated where it is none of :attr:`names`, nor :data:`COULOMB_AND_LOAD`."""
         if name in ("coulomb", COULOMB_AND_LOAD):
             return self.coulomb if name == "coulomb" else self.coulomb_and_load
-        index = FITTED.index(name)
+        if name not in self.names:
+            return NOT_ESTIMATED
         if name == "inertia" and self.normalised:
             return ParameterEstimate(value=1.0, std=0.0, identified=False)
-        if index in (LAG, RISE_TIME) and self.contact is not None:
-            return ParameterEstimate(value=0.0, std=0.0, identified=False)
-        value = math.exp(self.logarithms[index])
-        error = math.sqrt(max(float(self.covariance[index, index]), 0.0))
+        if self.contact is not None and name in _OF_CONTACT:
+            value, error = (float(one[_OF_CONTACT.index(name)]) for one in (self.contact.values, self.contact.stds))
+        else:
+            index = FITTED.index(name)
+            value = math.exp(self.logarithms[index])
+            error = math.sqrt(max(float(self.covariance[index, index]), 0.0))
         identified = error <= IDENTIFIED and not self.mismatch
         # Upwards, the longer way: a value far too low with a logarithm that is open is no more certain for being low.
         return ParameterEstimate(value=value, std=value * math.expm1(min(error, SPREAD_LIMIT)), identified=identified)
@@ -179,8 +190,8 @@ class FrictionEstimate:
     @property
     def unidentified(self) -> tuple[str, ...]:
         """Names of the parameters that the margin depends on and the data do not determine."""
-        absent = (*(("inertia",) if self.normalised else ()), *(("lag", "rise_time") if self.contact else ()))
-        return tuple(name for name in NAMES if name not in ("coulomb", *absent) and not self[name].identified)
+        absent = ("coulomb", "inertia") if self.normalised else ("coulomb",)
+        return tuple(name for name in self.names if name not in absent and not self[name].identified)
 
     @property
     def gains(self) -> Gains | None:
