@@ -17,7 +17,7 @@ from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES, FrictionEstimate
 from stickslip_ros.output import as_json, published
 from stickslip_ros.output.csv_table import write_csv
-from stickslip_ros.output.published import number, numbers
+from stickslip_ros.output.published import number, numbers, numbers_or_null
 
 CYCLE_COLUMNS = {
     "breakaway_s": "breakaway",
@@ -117,8 +117,8 @@ def _friction(estimate: FrictionEstimate | None, position: float) -> dict[str, A
         "mismatch": estimate.mismatch,
         "dry": None if estimate.dry is None else as_json.dry_friction_json(estimate.dry),
         "growth": as_json.growth_json(estimate, position),
-        "viscous_curvature": as_json.curvature_json(estimate.curvature),
-        "stribeck_asymmetry": as_json.asymmetry_json(estimate.asymmetry),
+        "viscous_curvature": numbers_or_null(estimate.curvature, ("value", "std", "speed")),
+        "stribeck_asymmetry": numbers_or_null(estimate.asymmetry, ("value", "std")),
     }
     return found
 

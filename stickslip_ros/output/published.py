@@ -10,7 +10,7 @@ in the order that they have here.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from enum import Enum
 from functools import cached_property
@@ -86,7 +86,9 @@ class Section:
     rows: tuple[Published, ...]
 
     def for_diagnostics(self, subject: Any, prefix: str = "") -> list[tuple[str, object]]:
-        """Keys and values; what has no answer, or an empty text, is left out."""
+        """Keys and values; what has no answer, or an empty text, is left out. Nothing if there is no subject."""
+        if subject is None:
+            return []
         found = [(row.key(prefix), row.value(subject)) for row in self.rows if row.diagnostics]
         return [(key, _as_text(value)) for key, value in found if value is not None and value != ""]
 
@@ -107,6 +109,11 @@ def number(value: Any) -> float | None:
 def numbers(subject: Any, *names: str) -> dict[str, float | None]:
     """Attributes of an object, each a number that JSON can hold, or None."""
     return {name: number(getattr(subject, name)) for name in names}
+
+
+def numbers_or_null(subject: Any, names: Sequence[str]) -> dict[str, float | None] | None:
+    """The same of an object that need not be there."""
+    return None if subject is None else numbers(subject, *names)
 
 
 def _as_text(value: object) -> object:
