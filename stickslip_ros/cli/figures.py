@@ -19,7 +19,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.cli.outputs import OutputFolder
+from stickslip_ros.cli.outputs import output_folder
 from stickslip_ros.cli.terminal import progress_bar
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.dimensionless import DimensionlessGroups, dimensionless_groups
@@ -54,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "numbers", nargs="*", type=int, metavar="N", help=f"figures to draw, of {numbers} (default: all)"
     )
-    parser.add_argument("--out", type=OutputFolder(), default="figures", metavar="FOLDER", help="default: %(default)s")
+    parser.add_argument("--out", type=output_folder, default="figures", metavar="FOLDER", help="default: %(default)s")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -17,7 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from stickslip_ros.cli.bag_options import SLOWEST, fields_of, given_gains
+from stickslip_ros.cli.bag_options import SLOWEST, gain_fields
 from stickslip_ros.cli.compensation_table import (
     CompensationTable,
     compensation_table,
@@ -27,7 +27,7 @@ from stickslip_ros.cli.compensation_table import (
 from stickslip_ros.cli.margin import add_joint_arguments, joint_from, percent_text, refuse_of_a_rigid_contact
 from stickslip_ros.cli.options import add_flag, add_json, add_number, add_option, option_of, refuse_without_effect
 from stickslip_ros.cli.outputs import COMPENSATION, TRAJECTORY
-from stickslip_ros.cli.terminal import Terminal, new_table
+from stickslip_ros.cli.terminal import console_of_text, new_table, number_text, working
 from stickslip_ros.cli.trajectory import read_trajectory, write_trajectory
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.model._validation import require_not_negative, require_positive
@@ -99,7 +99,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_number(parser, "--speed-filter", "S", f"time constant of the filter on the speed for compensation [s]{usual}")
     add_json(parser)
     made_of = by_field(lambda one: option_of(one.name))
-    parser.set_defaults(run=run, made_of={**made_of, "wanted_margin": ("--wanted-reserve",)})
+    parser.set_defaults(made_of={**made_of, "wanted_margin": ("--wanted-reserve",)})
 
 
 def run(options: argparse.Namespace) -> int:
@@ -122,7 +122,7 @@ def run(options: argparse.Namespace) -> int:
     factors = options.factors or bool(options.model and load_joint(options.model).per_inertia)
     _refuse(options, joint, factors=factors)
     given = None if options.trajectory is None else read_trajectory(options.trajectory, options.trajectory_joint)
-    with Terminal(stderr=True).status("working it out (after installation this compiles for ten seconds)"):
+    with working("working it out"):
         advice = recommend(joint, gains, velocity, limits, None, loop, gains_known=not factors)
         found: Sequence[Sensitivity] = ()
         if gains.stiffness > 0 and advice.velocity > 0:
@@ -229,7 +229,7 @@ def what_if(text: str, gains: Gains) -> Gains:
         If the text has another form.
     """
     if "=" not in text:
-        return replace(gains, **fields_of(given_gains("--what-if", text)))
+        return replace(gains, **gain_fields("--what-if", text))
     changes = {}
     for word in text.split(","):
         key, _, value = word.partition("=")
@@ -243,7 +243,7 @@ def what_if(text: str, gains: Gains) -> Gains:
 
 
 def _print(advice: Recommendation, found: Sequence[Sensitivity], joint: Joint) -> None:
-    console = Terminal(highlight=False, soft_wrap=True)
+    console = console_of_text()
     name = "the paper's approximation, Eq. (43)" if advice.condition is Criterion.PAPER else "the friction model"
     if not joint.friction.of_the_paper:
         name += f" (Eq. (43) does not hold for the law {joint.friction.law_in_words})"
@@ -322,7 +322,7 @@ def _percent(reserve: float) -> str:
 
 
 def _print_what_if(result: dict[str, Any]) -> None:
-    console = Terminal(highlight=False, soft_wrap=True)
+    console = console_of_text()
     now, then = result["present_margin"], result["margin"]
     console.print(f"What if p = {result['stiffness']:.4g} and d = {result['damping']:.4g}:")
     table = new_table(("", "now", "then"), padding=(0, 1))
@@ -332,7 +332,7 @@ def _print_what_if(result: dict[str, Any]) -> None:
     reserves = [one["damping_reserve"] for one in exact]
     table.add_row("damping reserve", *map(percent_text, reserves))
     speeds = [one["lowest_smooth_velocity"] for one in exact]
-    table.add_row("lowest smooth speed (rad/s)", *("-" if one is None else f"{one:.4g}" for one in speeds))
+    table.add_row("lowest smooth speed (rad/s)", *(number_text(one, ".4g") for one in speeds))
     words = {True: "[green]smooth[/]", False: "[red]stick-slip[/]", None: "no answer"}
     table.add_row("Eq. (43)", words[now["smooth"]], words[then["smooth"]])
     console.print(table)
