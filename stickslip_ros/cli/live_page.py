@@ -12,7 +12,6 @@ import multiprocessing
 from collections.abc import Mapping
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from dataclasses import replace
-from importlib import resources
 from typing import Any
 
 import numpy as np
@@ -26,7 +25,7 @@ from bokeh.layouts import column, row
 from bokeh.server.server import Server
 from jinja2 import Template
 
-from stickslip_ros.analysis.report.page import number_text
+from stickslip_ros.analysis.report.page import number_text, static_text
 from stickslip_ros.analysis.report.plots import BLUE, GREEN, GREY, INK, ORANGE, RED, new_figure, velocity_of
 from stickslip_ros.cli.live_listener import LiveListener, Snapshot
 from stickslip_ros.cli.monitor_client import number_of
@@ -80,7 +79,7 @@ class LivePage:
         self._pending_map: tuple[MapSubject, Future[ExtinctionMap]] | None = None
         self._pending_if: tuple[MapSubject, Future[dict[str, Any]]] | None = None
         self._subject: MapSubject | None = None  # what is predicted of the chosen joint, None if nothing can be
-        self._sheet = sheet = models.InlineStyleSheet(css=_text("live.css"))
+        self._sheet = sheet = models.InlineStyleSheet(css=static_text("live.css"))
 
         def words() -> models.Div:
             return models.Div(text="", sizing_mode="stretch_width", stylesheets=[sheet])
@@ -107,7 +106,7 @@ class LivePage:
             slider.on_change("value_throttled", lambda _, __, ___: self._slide())
         document.title = "stick-slip, live"
         document.add_root(self._layout())
-        document.js_on_event(DocumentReady, models.CustomJS(code=_text("live.js")))
+        document.js_on_event(DocumentReady, models.CustomJS(code=static_text("live.js")))
         document.add_periodic_callback(self.update, _EVERY)
         self.update()
 
@@ -257,10 +256,6 @@ class LivePage:
                 self._write(self._answer, _answer(requested, answer.result()))
         if self._pending_if is None:
             self._pending_if = (wanted, self._work.submit(margin_json, wanted.joint, gains, wanted.velocity))
-
-
-def _text(name: str) -> str:
-    return resources.files("stickslip_ros.cli").joinpath("static").joinpath(name).read_text(encoding="utf-8")
 
 
 def _gains(numbers: Mapping[str, float], before: str) -> Gains | None:
@@ -436,8 +431,7 @@ def serve(address: str, port: int) -> None:
 
 
 def _template() -> Template:
-    folder = resources.files("stickslip_ros.analysis.report").joinpath("static")
-    style, script = (folder.joinpath(name).read_text(encoding="utf-8") for name in ("style.css", "page.js"))
+    style, script = map(static_text, ("style.css", "page.js"))
     # Bokeh's own style comes later, and leaves a body no margin.
     wide = "html > body { max-width: 100rem; margin: 0 auto; padding: 1rem; }"
     template: Template = get_env().from_string(_PAGE.replace("STYLE", style + wide).replace("SCRIPT", script))

@@ -111,7 +111,8 @@ def add_joint_arguments(parser: argparse.ArgumentParser, *, velocity: bool = Tru
 
 def run(options: argparse.Namespace) -> int:
     """Print the margin; exit status 0 whatever the verdict."""
-    joint, gains, velocity = joint_from(options)
+    given = joint_from(options)
+    joint, gains, velocity = given.joint, given.gains, given.velocity
     conditions = conditions_from(options)
     with working("integrating"):
         result = margin_json(joint, gains, velocity, conditions)
@@ -131,8 +132,8 @@ def run(options: argparse.Namespace) -> int:
     return 0 if result["applicable"] or result["exact"]["outcome"] is not None else 1
 
 
-def joint_from(options: argparse.Namespace) -> tuple[Joint, Gains, float]:
-    """The joint, gains and velocity that the options give.
+def joint_from(options: argparse.Namespace) -> KnownJoint:
+    """The joint that the options give, with its gains and a velocity: the known one, with other values.
 
     Raises
     ------
@@ -171,7 +172,9 @@ def joint_from(options: argparse.Namespace) -> tuple[Joint, Gains, float]:
     velocity = value("velocity")
     if abs(velocity) > _FASTEST:
         raise InvalidParameterError("--velocity", f"at most {_FASTEST:g} rad/s", velocity)
-    return joint, gains, velocity
+    if known is None:
+        return KnownJoint(name="joint", joint=joint, gains=gains, velocity=velocity)
+    return replace(known, name=options.model, joint=joint, gains=gains, velocity=velocity)
 
 
 def _transmission(options: argparse.Namespace, known: KnownJoint | None) -> Transmission | None:

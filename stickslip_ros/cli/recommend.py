@@ -24,7 +24,13 @@ from stickslip_ros.cli.compensation_table import (
     print_table,
     write_feedforward,
 )
-from stickslip_ros.cli.margin import add_joint_arguments, joint_from, percent_text, refuse_of_a_rigid_contact
+from stickslip_ros.cli.margin import (
+    add_joint_arguments,
+    conditions_from,
+    joint_from,
+    percent_text,
+    refuse_of_a_rigid_contact,
+)
 from stickslip_ros.cli.options import add_flag, add_json, add_number, add_option, option_of, refuse_without_effect
 from stickslip_ros.cli.outputs import COMPENSATION, TRAJECTORY
 from stickslip_ros.cli.terminal import console_of_text, new_table, number_text, working
@@ -49,7 +55,7 @@ from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation,
 from stickslip_ros.monitoring.advice.sensitivity import Sensitivity, in_words, sensitivities
 from stickslip_ros.output.as_json import json_text, margin_json, recommendation_json
 from stickslip_ros.output.wording import OUTCOME_WORDS
-from stickslip_ros.settings.known_joints import load_joint
+from stickslip_ros.settings.known_joints import KnownJoint
 from stickslip_ros.settings.parameter_table import GAINS
 
 _LARGEST_RESERVE = 100.0  # where next to no damping is needed the reserve says nothing
@@ -99,12 +105,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_number(parser, "--speed-filter", "S", f"time constant of the filter on the speed for compensation [s]{usual}")
     add_json(parser)
     made_of = by_field(lambda one: option_of(one.name))
-    parser.set_defaults(made_of={**made_of, "wanted_margin": ("--wanted-reserve",)})
+    parser.set_defaults(load=0.0, made_of={**made_of, "wanted_margin": ("--wanted-reserve",)})
 
 
 def run(options: argparse.Namespace) -> int:
     """Print the advice; exit status 0 if there are gains, 1 if no gains within the bounds reach the wanted margin."""
-    joint, gains, velocity = joint_from(options)
+    known = joint_from(options)
+    joint, gains, velocity = known.joint, known.gains, known.velocity
     limits = _limits(options)
     if options.sample_rate is not None:
         require_positive("sample_rate", options.sample_rate)
@@ -112,14 +119,12 @@ def run(options: argparse.Namespace) -> int:
         if getattr(options, name) is not None:
             require_not_negative(name, getattr(options, name))
     loop = ObservedLoop(
-        conditions=OperatingConditions(
-            controller_period=options.controller_period, control_delay=options.control_delay
-        ),
+        conditions=conditions_from(options),
         sample_rate=math.nan if options.sample_rate is None else options.sample_rate,
         tracking_error=math.nan if options.tracking_error is None else options.tracking_error,
     )
     trial = what_if(options.what_if, gains) if options.what_if else None
-    factors = options.factors or bool(options.model and load_joint(options.model).per_inertia)
+    factors = options.factors or known.per_inertia
     _refuse(options, joint, factors=factors)
     given = None if options.trajectory is None else read_trajectory(options.trajectory, options.trajectory_joint)
     with working("working it out"):
@@ -138,7 +143,7 @@ def run(options: argparse.Namespace) -> int:
                 "margin": margin_json(joint, trial, velocity, loop.conditions),
                 "present_margin": margin_json(joint, gains, velocity, loop.conditions),
             }
-        table = _compensation(options, joint, gains, advice, loop.conditions) if options.compensation else None
+        table = _compensation(options, known, advice, loop.conditions) if options.compensation else None
         if table is not None:
             result["compensation"] = table.as_json()
     if options.compensation_out is not None:
@@ -193,20 +198,19 @@ def _refuse(options: argparse.Namespace, joint: Joint, *, factors: bool) -> None
 
 
 def _compensation(
-    options: argparse.Namespace, joint: Joint, gains: Gains, advice: Recommendation, conditions: OperatingConditions
+    options: argparse.Namespace, known: KnownJoint, advice: Recommendation, conditions: OperatingConditions
 ) -> CompensationTable:
     """With the advised gains, or the present ones where there are none."""
     if not advice.velocity > 0:
         raise InvalidParameterError("--velocity", "> 0 for a table of compensation", advice.velocity)
     variant = advice[Kind.LEAST_CHANGE]
-    used = variant.gains if variant.found else gains
-    known = load_joint(options.model) if options.model else None
+    used = variant.gains if variant.found else known.gains
     kinds = compensations(
-        joint, used, conditions,
-        resolution=0.0 if known is None else known.encoder_resolution,
+        known.joint, used, conditions,
+        resolution=known.encoder_resolution,
         speed_filter=USUAL_FILTER if options.speed_filter is None else options.speed_filter,
     )  # fmt: skip
-    return compensation_table(joint, used, advice.velocity, conditions, kinds)
+    return compensation_table(known.joint, used, advice.velocity, conditions, kinds)
 
 
 def _limits(options: argparse.Namespace) -> AdviceLimits:

@@ -81,7 +81,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Print what the reversals do; exit status 0."""
-    joint, gains, _ = joint_from(options)
+    given = joint_from(options)
+    joint, gains = given.joint, given.gains
     _refuse(options, joint, gains)
     conditions = conditions_from(options)
     reference, words, make = _reference(options, joint, gains)
