@@ -82,7 +82,7 @@ def joint_json(joint: JointAnalysis) -> dict[str, Any]:
             {"start": one.start, "end": one.end, "status": one.status.value, "velocity": number(one.velocity)}
             for one in joint.segments
         ],
-        "cycles": [cycle_json(cycle) for cycle in joint.cycles],
+        "cycles": [_cycle_json(cycle) for cycle in joint.cycles],
         "reversals": None if state.reversals is None else published.REVERSALS.for_json(state.reversals),
         "presliding": None if state.presliding is None else published.PRESLIDING.for_json(state.presliding),
         "transient": None if joint.transient is None else asdict(joint.transient),
@@ -97,7 +97,7 @@ def joint_json(joint: JointAnalysis) -> dict[str, Any]:
     }
 
 
-def cycle_json(cycle: Cycle) -> dict[str, Any]:
+def _cycle_json(cycle: Cycle) -> dict[str, Any]:
     """One cycle."""
     return (
         published.CYCLE_BEGINS.for_json(cycle)

@@ -95,7 +95,7 @@ def run(options: argparse.Namespace) -> int:
     check_named_joints(options, chosen, bags)
     if alone:
         refuse_given(options, {"reports": None}, "used with several bags (one has --html)")
-    pages = report_pages(bags, options.reports)
+    pages = _report_pages(bags, options.reports)
     answers, analysis, unwritten = (
         _one(bags[0], chosen, options) if alone else (_many(bags, chosen, options, pages), None, [])
     )
@@ -126,7 +126,7 @@ def run(options: argparse.Namespace) -> int:
     return 2 if errors or blind or unwritten else 0
 
 
-def report_pages(bags: Sequence[Path], folder: Path | None) -> dict[Path, Path]:
+def _report_pages(bags: Sequence[Path], folder: Path | None) -> dict[Path, Path]:
     """Where each bag's report is to be: named after the bag and its folder, and no two alike."""
     pages: dict[Path, Path] = {}
     if folder is not None:

@@ -103,7 +103,7 @@ def _tell_units(path: Path, table: Table, name: str) -> None:
         )
 
 
-def with_effort(
+def _with_effort(
     given: GivenTrajectory, friction: Friction, share: float
 ) -> tuple[FloatArray, FloatArray, FloatArray | None, FloatArray]:
     """Time from the start [s], position [rad], velocity [rad/s] (None where none was given) and effort [N·m] of points.
@@ -142,7 +142,7 @@ def write_trajectory(path: Path, given: GivenTrajectory, friction: Friction, sha
     OSError
         If it cannot be written.
     """
-    time, position, velocity, effort = with_effort(given, friction, share)
+    time, position, velocity, effort = _with_effort(given, friction, share)
     points = []
     for index, instant in enumerate(np.rint(time * _NANO).astype(np.int64).tolist()):
         point: dict[str, object] = {"positions": [_rounded(position[index])]}

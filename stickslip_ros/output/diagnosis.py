@@ -68,7 +68,7 @@ def waiting_diagnostic(joint: str, reason: str) -> Diagnosis:
     return _diagnosis(Level.WARN, joint, reason, [("status", Status.UNKNOWN.value), ("reason", reason)])
 
 
-def friction_values(estimate: FrictionEstimate) -> list[tuple[str, object]]:
+def _friction_values(estimate: FrictionEstimate) -> list[tuple[str, object]]:
     """What was learnt, one number a key, and the whole in words."""
     values: list[tuple[str, object]] = []
     words = []
@@ -182,7 +182,7 @@ def joint_diagnostic(
     if math.isfinite(exact.stick_slip_probability):
         values += rows(published.EXACT_UNCERTAINTY)
     if assessment.estimate is not None:
-        values += friction_values(assessment.estimate)
+        values += _friction_values(assessment.estimate)
     if assessment.change is not None:
         values.append(("friction change", friction_change_text(assessment.change)))
     values += rows(published.CYCLES)

@@ -30,7 +30,7 @@ from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.status import Status
 
-STATUS_NUMBERS = {status: index for index, status in enumerate(Status)}
+_STATUS_NUMBERS = {status: index for index, status in enumerate(Status)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -390,7 +390,7 @@ def margin_row(assessment: Assessment, exact: ExactVerdict, trial: ExactVerdict)
 
 def _as_number(value: Any, field: MarginField) -> float:
     if isinstance(value, Status):
-        return float(STATUS_NUMBERS[value])
+        return float(_STATUS_NUMBERS[value])
     return field.unknown if value is None else float(value)
 
 
