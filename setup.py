@@ -50,7 +50,7 @@ setup(
     name=PACKAGE,
     version="0.1.0",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={PACKAGE: ["py.typed", "analysis/report/static/*", "analysis/report/templates/*", "cli/static/*"]},
+    package_data={PACKAGE: ["py.typed", "analysis/report/static/*", "analysis/report/templates/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (str(SHARE), ["package.xml"]),

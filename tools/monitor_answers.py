@@ -28,15 +28,9 @@ from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES, 
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.monitoring.uncertainty import Uncertainty
-from stickslip_ros.output.as_json import (
-    asymmetry_json,
-    curvature_json,
-    dry_friction_json,
-    growth_json,
-    recommendation_json,
-)
+from stickslip_ros.output.as_json import dry_friction_json, growth_json, recommendation_json
 from stickslip_ros.output.diagnosis import Diagnosis, cycle_diagnostic, joint_diagnostic
-from stickslip_ros.output.published import MARGIN_FIELDS, margin_row
+from stickslip_ros.output.published import MARGIN_FIELDS, margin_row, numbers_or_null
 from tools.model_answers import KNOWN, SEED, Answer, plain, with_contact
 from tools.recording_answers import VARYING, two_speeds_recording, varying_recording
 
@@ -115,8 +109,8 @@ def estimate_json(estimate: FrictionEstimate, position: float) -> Answer:
         "alternatives": {other.law: other.weight for other in estimate.alternatives},
         "delay": None if late is None else [late.viscous, late.spread, late.left, late.std, late.longest],
         "growth": growth_json(estimate, position),
-        "curvature": curvature_json(estimate.curvature),
-        "asymmetry": asymmetry_json(estimate.asymmetry),
+        "curvature": numbers_or_null(estimate.curvature, ("value", "std", "speed")),
+        "asymmetry": numbers_or_null(estimate.asymmetry, ("value", "std")),
         "dry": None if estimate.dry is None else dry_friction_json(estimate.dry),
     }
 

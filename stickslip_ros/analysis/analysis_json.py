@@ -17,7 +17,7 @@ from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES, FrictionEstimate
 from stickslip_ros.output import as_json, published
 from stickslip_ros.output.csv_table import write_csv
-from stickslip_ros.output.published import number, numbers
+from stickslip_ros.output.published import number, numbers, numbers_or_null
 
 CYCLE_COLUMNS = {
     "breakaway_s": "breakaway",
@@ -82,7 +82,7 @@ def joint_json(joint: JointAnalysis) -> dict[str, Any]:
             {"start": one.start, "end": one.end, "status": one.status.value, "velocity": number(one.velocity)}
             for one in joint.segments
         ],
-        "cycles": [cycle_json(cycle) for cycle in joint.cycles],
+        "cycles": [_cycle_json(cycle) for cycle in joint.cycles],
         "reversals": None if state.reversals is None else published.REVERSALS.for_json(state.reversals),
         "presliding": None if state.presliding is None else published.PRESLIDING.for_json(state.presliding),
         "transient": None if joint.transient is None else asdict(joint.transient),
@@ -97,7 +97,7 @@ def joint_json(joint: JointAnalysis) -> dict[str, Any]:
     }
 
 
-def cycle_json(cycle: Cycle) -> dict[str, Any]:
+def _cycle_json(cycle: Cycle) -> dict[str, Any]:
     """One cycle."""
     return (
         published.CYCLE_BEGINS.for_json(cycle)
@@ -120,8 +120,8 @@ def _friction(estimate: FrictionEstimate | None, position: float) -> dict[str, A
         "mismatch": estimate.mismatch,
         "dry": None if estimate.dry is None else as_json.dry_friction_json(estimate.dry),
         "growth": as_json.growth_json(estimate, position),
-        "viscous_curvature": as_json.curvature_json(estimate.curvature),
-        "stribeck_asymmetry": as_json.asymmetry_json(estimate.asymmetry),
+        "viscous_curvature": numbers_or_null(estimate.curvature, ("value", "std", "speed")),
+        "stribeck_asymmetry": numbers_or_null(estimate.asymmetry, ("value", "std")),
     }
     return found
 

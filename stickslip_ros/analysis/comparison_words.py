@@ -73,7 +73,7 @@ def rows(joint: JointComparison) -> list[Row]:
             Row(
                 label=f"{one.label} [{unit}]" if unit else one.label,
                 before=value_text(one, one.before), after=value_text(one, one.after),
-                change=change_text(one), significant=bool(one.significant),
+                change=_change_text(one), significant=bool(one.significant),
             )
         )  # fmt: skip
     outcomes = [one.exact.outcome for one in (before, after)]
@@ -148,7 +148,7 @@ def value_text(quantity: Quantity, one: Measured) -> str:
     return f"{one.value:.4g}" + (f" ± {one.error:.2g}" if math.isfinite(one.error) else "")
 
 
-def change_text(quantity: Quantity) -> str:
+def _change_text(quantity: Quantity) -> str:
     """Whether a quantity changed, as a cell of a table."""
     if quantity.missing:
         return "not compared"

@@ -163,7 +163,7 @@ class JointAnalyzer:
         segments = tuple(self.monitor.segments)
         status, worst = judgement.overall_status(segments), judgement.worst_status(segments)
         # Advice is for where it is wanted: at the speed at which it went worst.
-        velocity = judged_velocity(segments, worst, self.cycles)
+        velocity = _judged_velocity(segments, worst, self.cycles)
         assessment = self.monitor.assessment(velocity)
         exact, exact_here = ExactVerdict(smooth=None, reason=assessment.margin_reason), None
         question = ExactQuestion.on(assessment, assessment.margin_gains, self.settings.options.conditions)
@@ -214,7 +214,7 @@ def _reason(status: Status, assessment: Assessment, usual: Reason | None, proble
     return "; ".join(filter(None, [*texts, *(problems if status in NOT_JUDGED else ())]))
 
 
-def judged_velocity(segments: Sequence[Segment], status: Status, cycles: Sequence[Cycle] = ()) -> float:
+def _judged_velocity(segments: Sequence[Segment], status: Status, cycles: Sequence[Cycle] = ()) -> float:
     """The speed that the joint usually had in a status [rad/s], or if it has none then in others; NaN if it rested.
 
     Of stick-slip that of the cycles: a stretch of it may hold several speeds, and turns. It is the reference's where

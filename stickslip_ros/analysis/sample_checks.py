@@ -36,7 +36,7 @@ _FEWEST_STRETCHES = 10
 _LEAST_FACTOR, _LARGEST_FACTOR = 0.6, 1.7
 _LEAST_CORRELATION = 0.5
 _DEGREES = 180.0 / math.pi
-REFERENCE_FOLLOWS = "what is published as its reference only repeats what is measured, and does not count"
+_REFERENCE_FOLLOWS = "what is published as its reference only repeats what is measured, and does not count"
 
 
 class SampleChecks:
@@ -196,7 +196,7 @@ def data_problems(assessment: Assessment, samples: int, references_off: float) -
     if math.isfinite(assessment.constant_effort):
         texts.append(constant_effort_text(assessment.constant_effort))
     if assessment.reference_follows:
-        texts.append(REFERENCE_FOLLOWS)
+        texts.append(_REFERENCE_FOLLOWS)
     if math.isfinite(references_off):
         texts.append(references_off_text(references_off))
     if restarts:

@@ -13,8 +13,8 @@ import numpy as np
 DAY = 86_400.0  # [s]
 MONTH = 365.25 / 12.0 * DAY  # [s]
 YEAR_2001 = 978_307_200.0  # [s] stamps before it are no dates
-LEAST_RECORDINGS = 3
-LEAST_DAYS = 3.0
+_LEAST_RECORDINGS = 3
+_LEAST_DAYS = 3.0
 _SURE = 0.975  # of Student's t: 95 % on both sides
 BEYOND_CHANCE = 1.96  # standard errors: 95 % of what chance makes
 
@@ -60,7 +60,7 @@ def trend(times: Sequence[float], values: Sequence[float], errors: Sequence[floa
 
     at = np.asarray(times, dtype=float)
     y, std = np.asarray(values, dtype=float), np.asarray(errors, dtype=float)
-    if len(at) < LEAST_RECORDINGS or float(np.ptp(at)) < LEAST_DAYS * DAY:
+    if len(at) < _LEAST_RECORDINGS or float(np.ptp(at)) < _LEAST_DAYS * DAY:
         return None
     known = bool(np.all(np.isfinite(std) & (std > 0.0)))
     weights = 1.0 / std**2 if known else np.ones(len(at))

@@ -15,11 +15,11 @@ from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.units import unit_of
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.output.wording import (
+    angle_text,
     dry_friction_text,
     kept_gains_text,
     presliding_text,
     reversals_text,
-    with_prefix,
 )
 
 _LEAST_SHARE = 0.001  # that is told as a number
@@ -201,9 +201,7 @@ def reversals(joint: JointAnalysis, subject: str = "It") -> str:
         return ""
     times = "once" if record.count == 1 else f"{record.count} times"
     text = f"{subject} reversed {times}: {reversals_text(record)}"
-    return (
-        f"{text} (median); at most by {with_prefix(record.largest_error, 'rad')}." if record.count > 1 else f"{text}."
-    )
+    return f"{text} (median); at most by {angle_text(record.largest_error)}." if record.count > 1 else f"{text}."
 
 
 def presliding(joint: JointAnalysis, subject: str = "It") -> str:
@@ -229,4 +227,4 @@ def smooth(joints: Sequence[JointAnalysis]) -> str:
 def _unseen(joints: Sequence[JointAnalysis]) -> str:
     """Which slips of joints that move smoothly the encoders or the noise may have hidden."""
     least = max(joint.assessment.least_slip_seen for joint in joints)
-    return f"; slips of less than {with_prefix(least, 'rad')} may go unseen" if least > 0 else ""
+    return f"; slips of less than {angle_text(least)} may go unseen" if least > 0 else ""

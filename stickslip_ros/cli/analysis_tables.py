@@ -10,7 +10,6 @@ from datetime import datetime
 
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from stickslip_ros.analysis import words
 from stickslip_ros.analysis.analysis import BagAnalysis
@@ -18,7 +17,7 @@ from stickslip_ros.analysis.fleet import Answer, TimedAnswer
 from stickslip_ros.analysis.fleet_joints import LEAST_MOVING, FleetJoint
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.analysis.judgement import lacks_data
-from stickslip_ros.cli.terminal import Terminal, console_of_tables, fitting, new_table, number_text
+from stickslip_ros.cli.terminal import console_of_tables, console_of_text, fitting_table, number_text, print_warning
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.output.wording import OUTCOME_WORDS, counted
 from stickslip_ros.visible import visible
@@ -57,8 +56,7 @@ def print_analysis(analysis: BagAnalysis) -> None:
     for reason, names in words.not_judged(joints).items():
         console.print(f"not judged, {reason}: {', '.join(names)}", soft_wrap=True, markup=False)
     for warning in analysis.warnings:
-        console.print("[yellow]warning:[/] ", end="")
-        console.print(visible(warning), markup=False, soft_wrap=True)
+        print_warning(console, warning)
 
 
 _TEXTS = ("robot\n", "joint\n", "status\n", "worst\n")
@@ -68,16 +66,8 @@ _SPARED_OF_FLEET = ("moving\n[s]", "sticking\n[s]", "cycles\n", "friction\n[N·m
 
 
 def _print_table(console: Console, rows: Sequence[Mapping[str, str]], spared: Sequence[str]) -> None:
-    """A line for each row, whose cells are by heading; without the spared headings there is no room for."""
-
-    def table(headings: Sequence[str]) -> Table:
-        made = new_table(headings, _TEXTS, padding=(0, 2, 0, 0), pad_edge=False)
-        for row in rows:
-            made.add_row(*[row[heading] for heading in headings])
-        return made
-
     if rows:
-        console.print(table(fitting(console, rows[0], spared, table)))
+        console.print(fitting_table(console, rows, spared, _TEXTS, padding=(0, 2, 0, 0), pad_edge=False))
 
 
 def _cells(joint: JointAnalysis) -> dict[str, str]:
@@ -118,8 +108,7 @@ def print_fleet(joints: Sequence[FleetJoint], answers: Sequence[Answer]) -> None
         console.print(visible(", ".join(failed)), markup=False, soft_wrap=True)
     for found in answers:
         for warning in found.get("warnings", []):
-            console.print("[yellow]warning:[/] ", end="")
-            console.print(visible(f"{found['path']}: {warning}"), markup=False, soft_wrap=True)
+            print_warning(console, f"{found['path']}: {warning}")
 
 
 def _fleet_cells(joint: FleetJoint) -> dict[str, str]:
@@ -142,12 +131,12 @@ def _fleet_cells(joint: FleetJoint) -> dict[str, str]:
 def print_brief(answers: Sequence[Answer]) -> None:
     """A line for each bag: what it shows."""
     for found in answers:
-        Terminal(highlight=False, soft_wrap=True).print(visible(f"{found['path']}: {_result(found)}"), markup=False)
+        console_of_text().print(visible(f"{found['path']}: {_result(found)}"), markup=False)
 
 
 def print_alarms(joints: Sequence[FleetJoint]) -> None:
     """A line for each alarm that is raised."""
-    console = Terminal(highlight=False, soft_wrap=True)
+    console = console_of_text()
     for joint in joints:
         for alarm in joint.alarms:
             console.print("[red]alarm:[/] ", end="")
@@ -164,7 +153,7 @@ def print_finished(found: TimedAnswer) -> None:
     now = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M:%S")
     took = f"{found.seconds:.1f} s" if math.isfinite(found.seconds) else "cached"
     text = f"{now} {found.answer['path']}: {_result(found.answer)} ({took})"
-    Terminal(stderr=True, highlight=False, soft_wrap=True).print(text, markup=False)
+    console_of_text(stderr=True).print(text, markup=False)
 
 
 def _result(found: Answer) -> str:

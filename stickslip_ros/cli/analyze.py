@@ -35,8 +35,8 @@ from stickslip_ros.analysis.words import nothing_judged
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.cli import analysis_tables as tables
 from stickslip_ros.cli.bag_options import add_bag_arguments, add_limit_arguments, analysis_options, check_named_joints
-from stickslip_ros.cli.options import add_flag, add_json, add_option, add_repeated
-from stickslip_ros.cli.outputs import CSV, PAGE, TABLE, OutputBag, OutputFolder, refuse_inputs
+from stickslip_ros.cli.options import add_flag, add_json, add_option, add_repeated, refuse_given
+from stickslip_ros.cli.outputs import CSV, PAGE, TABLE, output_bag, output_folder, refuse_inputs
 from stickslip_ros.cli.terminal import Terminal, complain, progress_bar
 from stickslip_ros.errors import InvalidParameterError, StickSlipError, in_words
 from stickslip_ros.monitoring.detection.cycles import Cycle
@@ -57,15 +57,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_flag(printed, "--brief", "print one line for each bag and nothing else")
     add_option(output, "--csv", "FILE", "write a table of all stick-slip cycles", type=CSV)
     add_option(output, "--html", "FILE", "write a report: one page that needs no network", type=PAGE)
-    add_option(output, "--out", "BAG", "write cycles, margins and diagnostics as a bag", type=OutputBag())
+    add_option(output, "--out", "BAG", "write cycles, margins and diagnostics as a bag", type=output_bag)
     add_flag(output, "--fail-on-stick-slip", "exit with status 1 if a joint sticks and slips, however briefly")
     fleet = parser.add_argument_group("many bags")
     add_option(fleet, "--jobs", "N", "number of bags analysed at once", 1, type=int)
     add_option(fleet, "--scheduler", "ADDRESS", "address of a Dask cluster that can read the files: tcp://…")
-    folder = OutputFolder()
-    add_option(fleet, "--results", "FOLDER", "cache results in this folder and reuse them next time", type=folder)
     add_option(
-        fleet, "--reports", "FOLDER", "write a report of each bag; the page of --html links to them", type=folder
+        fleet, "--results", "FOLDER", "cache results in this folder and reuse them next time", type=output_folder
+    )
+    add_option(
+        fleet, "--reports", "FOLDER", "write a report of each bag; the page of --html links to them", type=output_folder
     )
     add_repeated(
         fleet, "--alarm", "A",
@@ -80,23 +81,21 @@ def run(options: argparse.Namespace) -> int:
     """Analyse and print."""
     if options.jobs < 1:
         raise InvalidParameterError("--jobs", ">= 1", options.jobs)
-    if options.jobs > 1 and options.scheduler is not None:
-        raise InvalidParameterError(
-            "--jobs", "left out with --scheduler, whose workers are as many as it has", options.jobs
-        )
+    if options.scheduler is not None:
+        refuse_given(options, {"jobs": 1}, "left out with --scheduler, whose workers are as many as it has")
     options.alarm = [parse_alarm(text) for text in options.alarm]
     bags = find_bags(options.bags)
     if not bags:
         raise RecordingError(f"no bags in {', '.join(map(str, options.bags))}")
     refuse_inputs({f"--{name}": getattr(options, name) for name in ("csv", "html", "out", "table")}, bags)
     alone = len(bags) == 1 and options.scheduler is None and options.results is None
-    if options.out is not None and not alone:
-        raise InvalidParameterError("--out", "used with one bag, by itself", options.out)
+    if not alone:
+        refuse_given(options, {"out": None}, "used with one bag, by itself")
     chosen = analysis_options(options)
     check_named_joints(options, chosen, bags)
-    if options.reports is not None and alone:
-        raise InvalidParameterError("--reports", "used with several bags (one has --html)", options.reports)
-    pages = report_pages(bags, options.reports)
+    if alone:
+        refuse_given(options, {"reports": None}, "used with several bags (one has --html)")
+    pages = _report_pages(bags, options.reports)
     answers, analysis, unwritten = (
         _one(bags[0], chosen, options) if alone else (_many(bags, chosen, options, pages), None, [])
     )
@@ -127,7 +126,7 @@ def run(options: argparse.Namespace) -> int:
     return 2 if errors or blind or unwritten else 0
 
 
-def report_pages(bags: Sequence[Path], folder: Path | None) -> dict[Path, Path]:
+def _report_pages(bags: Sequence[Path], folder: Path | None) -> dict[Path, Path]:
     """Where each bag's report is to be: named after the bag and its folder, and no two alike."""
     pages: dict[Path, Path] = {}
     if folder is not None:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -149,9 +149,9 @@ def given_gains(option: str, text: str) -> dict[str, float]:
     return dict(zip(_ORDER, numbers, strict=False))
 
 
-def fields_of(gains: Mapping[str, float]) -> dict[str, float]:
-    """Gains by a controller's words as fields of :class:`~stickslip_ros.model.friction.Gains`."""
-    return {GAINS[kind]: value for kind, value in gains.items()}
+def gain_fields(option: str, text: str) -> dict[str, float]:
+    """The same as fields of :class:`~stickslip_ros.model.friction.Gains`."""
+    return {GAINS[kind]: value for kind, value in given_gains(option, text).items()}
 
 
 def can_be_a_gain(number: float) -> bool:

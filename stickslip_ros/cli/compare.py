@@ -30,7 +30,7 @@ from stickslip_ros.cli.analysis_tables import COLOURS, status_text
 from stickslip_ros.cli.bag_options import GAINS_FORM, add_bag_arguments, analysis_options, check_named_joints
 from stickslip_ros.cli.options import add_json, add_option, add_repeated
 from stickslip_ros.cli.outputs import PAGE, refuse_inputs
-from stickslip_ros.cli.terminal import console_of_tables, progress_bar
+from stickslip_ros.cli.terminal import console_of_tables, print_warning, progress_bar
 from stickslip_ros.output.as_json import json_text
 from stickslip_ros.visible import visible
 
@@ -83,10 +83,10 @@ def _print(comparison: Comparison) -> None:
         soft_wrap=True,
     )
     for name, side in comparison.alone.items():
-        console.print(f"[yellow]warning:[/] {escape(visible(name))} is in the recording {side} only", soft_wrap=True)
+        print_warning(console, f"{name} is in the recording {side} only")
     for side, analysis in (("before", comparison.before), ("after", comparison.after)):
         for warning in analysis.warnings:
-            console.print(f"[yellow]warning:[/] {side}: {escape(visible(warning))}", soft_wrap=True)
+            print_warning(console, f"{side}: {warning}")
 
 
 def print_joints(console: Console, joints: Sequence[JointComparison]) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from stickslip_ros.cli.terminal import Terminal, new_table
+from stickslip_ros.cli.terminal import console_of_text, new_table
 from stickslip_ros.files import write_whole
 from stickslip_ros.model.compensation import Compensation
 from stickslip_ros.model.compensation_effect import (
@@ -95,7 +95,7 @@ def compensation_table(
 
 def print_table(found: CompensationTable, velocity: float) -> None:
     """For a person: first in words, then every number."""
-    console = Terminal(highlight=False, soft_wrap=True)
+    console = console_of_text()
     console.print(
         f"Compensation at {velocity:.4g} rad/s, with k_p {float(found.gains.stiffness):.4g} and "
         f"k_v {float(found.gains.damping):.4g}:"

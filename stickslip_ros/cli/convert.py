@@ -19,6 +19,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from rich.console import Console
 from rich.markup import escape
 
 from stickslip_ros.bags import table_columns as columns
@@ -30,8 +31,8 @@ from stickslip_ros.bags.table_columns import POSITION, Column, Named
 from stickslip_ros.bags.writing import COMPRESSIONS
 from stickslip_ros.cli.bag_options import GAINS_RULE, add_unpack_argument, can_be_a_gain
 from stickslip_ros.cli.options import add_number, add_option, add_repeated
-from stickslip_ros.cli.outputs import add_bag_arguments, refuse_inputs, refuse_to_overwrite
-from stickslip_ros.cli.terminal import Terminal, new_table
+from stickslip_ros.cli.outputs import add_bag_output, refuse_inputs, refuse_to_overwrite
+from stickslip_ros.cli.terminal import console_of_tables, console_of_text, new_table, print_warning
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.samples import Batch, FloatArray
@@ -49,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "recording", metavar="RECORDING", help="a .csv, .tsv, .txt, .parquet or .npz file, or a known recording"
     )
-    add_bag_arguments(parser)
+    add_bag_output(parser)
     parser.add_argument(
         "--names", "--name", metavar="A,B", help="names of the joints, in the table's order (default: from the columns)"
     )
@@ -81,7 +82,7 @@ def run(options: argparse.Namespace) -> int:
             raise RecordingError(f"recording {path}: no row has a time that a stamp can be")
         rule = f"such that the first stamp is after zero and at most {LAST_STAMP:.0f} s"
         raise InvalidParameterError("--first-stamp", rule, start)
-    console = Terminal(stderr=True, highlight=False, soft_wrap=True)
+    console = console_of_text(stderr=True)
     _show(table, names)
     batches = dict(zip(names, table.batches.values(), strict=True))
     in_metres = _in_metres(table, names)
@@ -89,7 +90,7 @@ def run(options: argparse.Namespace) -> int:
     console.print(f"{options.out}: {count} samples of {', '.join(names)}; now: stickslip analyze {options.out}")
     left = len(next(iter(batches.values()))) - count
     if left:
-        console.print(f"[yellow]warning:[/] {left} rows have no time, or none that a stamp can be, and were left out")
+        print_warning(console, f"{left} rows have no time, or none that a stamp can be, and were left out")
     _warn(console, table, batches)
     return 0
 
@@ -117,8 +118,7 @@ def _names(text: str | None, table: Table) -> list[str]:
 
 def _show(table: Table, names: list[str]) -> None:
     """Which columns were taken for what."""
-    console = Terminal(stderr=True, highlight=False)
-    console = console if console.is_terminal else Terminal(stderr=True, highlight=False, width=_WIDTH)
+    console = console_of_tables(_WIDTH, stderr=True)
     fields = [field for field in columns.FIELDS if any(field in uses for uses in table.joints.values())]
     headings = ["joint", *(field.replace("_", " ") for field in fields)]
     grid = new_table(headings, headings, padding=(0, 2, 0, 0), pad_edge=False)
@@ -148,7 +148,7 @@ def _shown(use: Column) -> str:
     return escape(f"{use.name} [{columns.shown_unit(use.unit)}{'?' if use.assumed else ''}]")
 
 
-def _warn(console: Terminal, table: Table, batches: dict[str, Batch]) -> None:
+def _warn(console: Console, table: Table, batches: dict[str, Batch]) -> None:
     if in_metres := _in_metres(table, list(batches)):
         console.print(f"[yellow]note:[/] {escape(in_metres_text(in_metres))}")
     uses_of = dict(zip(batches, table.joints.items(), strict=True))
@@ -157,10 +157,10 @@ def _warn(console: Terminal, table: Table, batches: dict[str, Batch]) -> None:
     if suspect and spans[suspect] > _MORE_THAN_A_TURN:
         counts = all(np.array_equal(known, np.round(known)) for name in spans if len(known := _known(batches[name])))
         # What is named of a field stands for all of it: the other joints are named too.
-        console.print(
-            f"[yellow]warning:[/] {escape(suspect)} spans {spans[suspect]:.3g} rad: is "
-            f"{escape(uses_of[suspect][1][POSITION].name)} in {'encoder counts' if counts else 'degrees'}? Then: "
-            + escape(_hints(table, columns.COUNTS if counts else "deg"))
+        print_warning(
+            console,
+            f"{suspect} spans {spans[suspect]:.3g} rad: is {uses_of[suspect][1][POSITION].name} in "
+            f"{'encoder counts' if counts else 'degrees'}? Then: {_hints(table, columns.COUNTS if counts else 'deg')}",
         )
 
 

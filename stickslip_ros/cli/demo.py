@@ -28,12 +28,12 @@ from stickslip_ros.analysis.comparison import compare_joints
 from stickslip_ros.analysis.joint_analysis import JointAnalysis, JointAnalyzer
 from stickslip_ros.bags.table import find_recording, load_recording
 from stickslip_ros.cli.compare import print_joints
-from stickslip_ros.cli.options import add_flag, add_number
+from stickslip_ros.cli.options import add_flag, add_number, refuse_given
 from stickslip_ros.cli.outputs import DRAWING
 from stickslip_ros.cli.processes import NodeProcess, isolate
-from stickslip_ros.cli.terminal import Terminal
+from stickslip_ros.cli.terminal import console_of_text
 from stickslip_ros.cli.warm_up import compile_and_say
-from stickslip_ros.errors import InvalidParameterError, StickSlipError
+from stickslip_ros.errors import StickSlipError
 from stickslip_ros.model._validation import require_positive
 from stickslip_ros.output.published import RESERVE_FIELD
 from stickslip_ros.settings.parameter_file import Parameters
@@ -86,14 +86,14 @@ def run(options: argparse.Namespace) -> int:
     if options.speed is not None:
         require_positive("speed", options.speed)
         if options.recording is None:
-            raise InvalidParameterError("--speed", "given together with --recording", options.speed)
+            refuse_given(options, {"speed": None}, "given together with --recording")
     if options.compensation and options.recording is not None:
         raise StickSlipError("--compensation and --recording exclude each other: nothing controls a recorded joint")
     try:
         import rclpy  # noqa: F401
     except ImportError as error:
         raise StickSlipError(f"the demo needs ROS 2 (rclpy): {error}; `make demo` installs it from wheels") from error
-    console = Terminal(highlight=False, soft_wrap=True)
+    console = console_of_text()
     domain = isolate()
     console.print(f"[dim]ROS domain {domain}, this machine only[/]")
     _compile(console)

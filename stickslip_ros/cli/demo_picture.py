@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from stickslip_ros.cli.demo_log import DemoData
+from stickslip_ros.files import whole_file
 from stickslip_ros.output.plotting import BLUE, GREEN, GREY, RED
 from stickslip_ros.output.published import RESERVE_FIELD
 
@@ -26,10 +27,7 @@ def draw(data: DemoData, path: Path, *, title: str, marks: Sequence[tuple[float,
     marks : stamps of changes [s], and what was changed.
     unit : of position, "rad" or "m".
     """
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
+    from matplotlib.figure import Figure
 
     states = np.array(data.states)
     states = states[np.argsort(states[:, 0], kind="stable")]
@@ -41,9 +39,8 @@ def draw(data: DemoData, path: Path, *, title: str, marks: Sequence[tuple[float,
     has_velocity = bool(np.isfinite(states[:, 2]).any())
     rows = 1 + has_velocity + bool(reserves)
     heights = [2.2] + [1.3] * has_velocity + [1.2] * bool(reserves)
-    figure, axes = pyplot.subplots(
-        rows, 1, figsize=(10, 2.3 + 2.1 * rows), sharex=True, height_ratios=heights, squeeze=False, layout="constrained"
-    )
+    figure = Figure(figsize=(10, 2.3 + 2.1 * rows), layout="constrained")
+    axes = figure.subplots(rows, 1, sharex=True, height_ratios=heights, squeeze=False)
     panels = list(axes[:, 0])
     scale, prefix = (1e3, "m") if np.ptp(states[:, 1]) < 1.0 else (1.0, "")
     top = panels.pop(0)
@@ -91,5 +88,5 @@ def draw(data: DemoData, path: Path, *, title: str, marks: Sequence[tuple[float,
         )  # fmt: skip
     axes[-1, 0].set_xlabel("time [s]")
     axes[-1, 0].set_xlim(0.0, states[-1, 0] - start)
-    figure.savefig(path, dpi=110)
-    pyplot.close(figure)
+    with whole_file(path) as image:
+        figure.savefig(image, dpi=110, format=path.suffix[1:])

@@ -19,7 +19,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.cli.outputs import OutputFolder
+from stickslip_ros.cli.outputs import output_folder
 from stickslip_ros.cli.terminal import progress_bar
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.dimensionless import DimensionlessGroups, dimensionless_groups
@@ -32,7 +32,7 @@ from stickslip_ros.settings.known_joints import load_joint
 
 _JOINT = "puma560_joint1"
 FIGURES = (1, 5, 6, 8, 9, 11, 12, 13, 14)
-WITH_MAP = (13, 14)
+_WITH_MAP = (13, 14)
 
 _STIFFNESS_LABEL = "stiffness  $k_p/M$  [1/s²]"
 _SPEED_LABEL = "commanded velocity  $\\dot x_d$  [mrad/s]"
@@ -54,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "numbers", nargs="*", type=int, metavar="N", help=f"figures to draw, of {numbers} (default: all)"
     )
-    parser.add_argument("--out", type=OutputFolder(), default="figures", metavar="FOLDER", help="default: %(default)s")
+    parser.add_argument("--out", type=output_folder, default="figures", metavar="FOLDER", help="default: %(default)s")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -65,7 +65,7 @@ def run(options: argparse.Namespace) -> int:
     joint = load_joint(_JOINT).joint
     numbers = options.numbers or FIGURES
     computed = None
-    if set(numbers) & set(WITH_MAP):
+    if set(numbers) & set(_WITH_MAP):
         with progress_bar("integrating the map of Fig. 13") as progress:
             axes = figure_13_axes(joint)
             computed = extinction_map(joint, *axes, workers=os.cpu_count() or 1, progress=progress)
@@ -76,7 +76,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def draw(joint: Joint, number: int, computed: ExtinctionMap | None = None) -> Figure:
-    """One of the figures; those of :data:`WITH_MAP` need the map of :func:`figure_13_axes`."""
+    """One of the figures; Figs 13 and 14 need the map of :func:`figure_13_axes`."""
     makers: dict[int, Callable[[Joint], Drawn]] = {
         1: _figure_1, 5: _figure_5, 6: _figure_6, 8: _figure_8, 9: _figure_9, 11: _figure_11, 12: _figure_12
     }  # fmt: skip

@@ -26,17 +26,17 @@ from stickslip_ros.bags.reading import read_joint_with_gains
 from stickslip_ros.bags.storage.formats import is_read_as_bag
 from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table import RecordingError, find_recording, load_recording
-from stickslip_ros.cli.bag_options import add_unpack_argument, fields_of, given_gains, topic_choice
-from stickslip_ros.cli.options import add_flag, add_json, add_number, add_option, option_of
+from stickslip_ros.cli.bag_options import add_unpack_argument, gain_fields, topic_choice
+from stickslip_ros.cli.options import add_flag, add_json, add_number, add_option, option_of, refuse_given
 from stickslip_ros.cli.outputs import JOINT_FILE
-from stickslip_ros.cli.terminal import Terminal, new_table, progress_bar
+from stickslip_ros.cli.terminal import console_of_text, new_table, print_warning, progress_bar, working
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.interrupts import Interrupted
 from stickslip_ros.model._validation import require_finite, require_not_negative, require_positive
 from stickslip_ros.model.friction import JOINT_PARAMETERS, PRESLIDING_PARAMETERS, Gains
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD
 from stickslip_ros.monitoring.identification import Identification, identify
-from stickslip_ros.output import published as published
+from stickslip_ros.output import published
 from stickslip_ros.output.as_json import json_text, parameter_json
 from stickslip_ros.output.published import number
 from stickslip_ros.output.wording import presliding_text
@@ -100,10 +100,8 @@ def run(options: argparse.Namespace) -> int:
     chosen = [bool(options.recording), bool(options.simulated), bool(options.controller)]
     if sum(chosen) != 1:
         raise StickSlipError("missing: one of RECORDING, --simulated NODE and --controller NODE")
-    for name, default in _OF_EXPERIMENT.items():
-        if options.recording and getattr(options, name) != default:
-            rule = "left out with a RECORDING: it is of an experiment"
-            raise InvalidParameterError(option_of(name), rule, getattr(options, name))
+    if options.recording:
+        refuse_given(options, _OF_EXPERIMENT, "left out with a RECORDING: it is of an experiment")
     gains = _gains(options)
     if options.recording:
         path = Path(options.recording)
@@ -117,7 +115,7 @@ def run(options: argparse.Namespace) -> int:
         batch, heard, references_off = *experiment, math.nan
         gains = gains or heard
         name, source = options.joint, f"Identified by a ladder of speeds {options.speeds} rad/s."
-    with Terminal(stderr=True).status("fitting the slips (after installation this compiles for ten seconds)"):
+    with working("fitting the slips"):
         found = identify(batch, gains, prior.joint if prior else None)
     problems = data_problems(found.state, len(batch), references_off)
     if sum(found.state.dropped.values()) == len(batch):
@@ -138,7 +136,7 @@ def run(options: argparse.Namespace) -> int:
         text = joint_file_text(options.name or name, joint, found, gains, source)
         write_joint_file(options.out, text)
         if not options.json:
-            Terminal(highlight=False, soft_wrap=True).print(f"Written to {options.out}.")
+            console_of_text().print(f"Written to {options.out}.")
     return 0
 
 
@@ -164,13 +162,10 @@ def _samples(path: Path, options: argparse.Namespace, given: Gains | None) -> tu
 
 def _gains(options: argparse.Namespace) -> Gains | None:
     if options.gains is not None:
-        if options.stiffness is not None:
-            raise InvalidParameterError("--stiffness", "left out with --gains", options.stiffness)
-        return Gains(**fields_of(given_gains("--gains", options.gains)))
+        refuse_given(options, {"stiffness": None}, "left out with --gains")
+        return Gains(**gain_fields("--gains", options.gains))
     if options.stiffness is None:
-        for name in ("damping", "integral"):
-            if getattr(options, name) != 0.0:
-                raise InvalidParameterError(f"--{name}", "given together with --stiffness", getattr(options, name))
+        refuse_given(options, {"damping": 0.0, "integral": 0.0}, "given together with --stiffness")
         return None
     for name in ("stiffness", "damping", "integral"):
         require_finite(name, getattr(options, name))
@@ -199,7 +194,7 @@ def _experiment(options: argparse.Namespace) -> tuple[Batch, Gains | None] | Non
     steps = speed_ladder(speeds, duration=options.step_time, rest=options.rest)
     way = sum(speeds) * options.step_time
     total = sum(step.duration for step in steps)
-    console = Terminal(stderr=True, highlight=False, soft_wrap=True)
+    console = console_of_text(stderr=True)
     console.print(
         f"{options.joint}: {len(steps)} steps in {total:.0f} s, up to {way:.3g} rad from where it is, and back."
     )
@@ -256,13 +251,13 @@ def _as_json(found: Identification) -> dict[str, Any]:
 
 
 def _print(found: Identification, problems: Sequence[str]) -> None:
-    console = Terminal(highlight=False, soft_wrap=True)
+    console = console_of_text()
     parameters = found.parameters()
     slips = found.slips
     speed = f"; usual speed {found.speed:.4g} rad/s" if math.isfinite(found.speed) else ""
     console.print(f"{len(found.cycles)} stick-slip cycles found{speed}.")
     for problem in problems:
-        console.print(f"[yellow]warning:[/] {problem}")
+        print_warning(console, problem)
     if slips is not None:
         console.print(f"[yellow]{slips.mismatch}[/]" if slips.mismatch else slips.summary())
     if not parameters:

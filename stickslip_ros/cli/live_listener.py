@@ -36,14 +36,13 @@ class Snapshot:
 
     Attributes
     ----------
-    joints, header : as the terminal's view has them. values : of each joint's last diagnostics, by key.
+    joints, header : as the terminal's view has them.
     silent_for : how long no monitor has said anything [s]; infinite before the first word.
     samples, references : rows of time, position and velocity of each joint that is looked at.
     """
 
     joints: tuple[JointView, ...] = ()
     header: str = ""
-    values: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     silent_for: float = math.inf
     samples: Mapping[str, FloatArray] = field(default_factory=dict)
     references: Mapping[str, FloatArray] = field(default_factory=dict)
@@ -96,7 +95,6 @@ class LiveListener:
             self.snapshot = Snapshot(
                 joints=tuple(self._listener.joints()),
                 header=self._listener.header(),
-                values=self._listener.values(),
                 silent_for=self._listener.silent_for,
                 samples=dict(self._samples),
                 references=dict(self._references),

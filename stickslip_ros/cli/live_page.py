@@ -1,28 +1,38 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""The page of `stickslip watch --browser`: a table of all joints, and of one of them motion, cycle, map and advice."""
+"""The page of `stickslip watch --browser`: a table of all joints, and of one of them motion, cycle, map and advice; and
+its server, for this machine alone unless more is asked for.
+"""
 
 from __future__ import annotations
 
 import html
 import math
+import multiprocessing
 from collections.abc import Mapping
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from dataclasses import replace
-from importlib import resources
 from typing import Any
 
 import numpy as np
 from bokeh import models
+from bokeh.application import Application
+from bokeh.application.handlers.function import FunctionHandler
+from bokeh.core.templates import get_env
 from bokeh.document import Document
 from bokeh.events import DocumentReady
 from bokeh.layouts import column, row
+from bokeh.server.server import Server
+from jinja2 import Template
 
-from stickslip_ros.analysis.report.page import number_text
-from stickslip_ros.analysis.report.plots import BLUE, GREEN, GREY, INK, ORANGE, RED, new_figure
+from stickslip_ros.analysis.report.page import number_text, static_text
+from stickslip_ros.analysis.report.plots import BLUE, GREEN, GREY, INK, ORANGE, RED, new_figure, velocity_of
 from stickslip_ros.cli.live_listener import LiveListener, Snapshot
 from stickslip_ros.cli.monitor_client import number_of
+from stickslip_ros.cli.terminal import console_of_text
 from stickslip_ros.cli.watch_view import MARKS, JointView, worst_first
+from stickslip_ros.errors import InvalidParameterError, reason
+from stickslip_ros.interrupts import check, without_interrupts, woken
 from stickslip_ros.model.extinction_map import ExtinctionMap
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.outcome import Outcome
@@ -32,13 +42,19 @@ from stickslip_ros.output.diagnosis import Level
 from stickslip_ros.output.published import published_joint
 from stickslip_ros.output.stability_map import MapSubject, map_of
 from stickslip_ros.output.wording import OUTCOME_TEXTS, counted, status_words
+from stickslip_ros.parent_death import die_with_parent
 
+_HERE = "127.0.0.1"
+_PAGE = """{% extends base %}
+{% block preamble %}<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark"><link rel="icon" href="data:,"><style>STYLE</style>{% endblock %}
+{% block postamble %}<script>SCRIPT</script>{% endblock %}
+"""
 _EVERY = 500  # [ms]
 _SILENT = 3.0  # [s] from when on it is said
 _MOST_POINTS = 1500  # of a curve
 _MAP_POINTS = 400
 _LEAST_SAMPLES = 8  # of a loop
-_SMOOTHED = 5  # samples on either side, where a velocity has to be derived
 _SHOWN = 10.0  # [s] of motion
 _CLASSES = {Level.ERROR: "bad", Level.WARN: "warn", Level.STALE: "none", Level.OK: "good"}
 _MOVED = 1e-3  # relative change of what a map depends on
@@ -63,7 +79,7 @@ class LivePage:
         self._pending_map: tuple[MapSubject, Future[ExtinctionMap]] | None = None
         self._pending_if: tuple[MapSubject, Future[dict[str, Any]]] | None = None
         self._subject: MapSubject | None = None  # what is predicted of the chosen joint, None if nothing can be
-        self._sheet = sheet = models.InlineStyleSheet(css=_text("live.css"))
+        self._sheet = sheet = models.InlineStyleSheet(css=static_text("live.css"))
 
         def words() -> models.Div:
             return models.Div(text="", sizing_mode="stretch_width", stylesheets=[sheet])
@@ -90,7 +106,7 @@ class LivePage:
             slider.on_change("value_throttled", lambda _, __, ___: self._slide())
         document.title = "stick-slip, live"
         document.add_root(self._layout())
-        document.js_on_event(DocumentReady, models.CustomJS(code=_text("live.js")))
+        document.js_on_event(DocumentReady, models.CustomJS(code=static_text("live.js")))
         document.add_periodic_callback(self.update, _EVERY)
         self.update()
 
@@ -164,9 +180,9 @@ class LivePage:
         self.update()
 
     def _show(self, joint: JointView, now: Snapshot) -> None:
-        values = now.values.get(joint.name, {})
+        values = joint.values
         numbers = {key: number for key, text in values.items() if math.isfinite(number := number_of(text))}
-        self._write(self._advice, advice_text(joint, values))
+        self._write(self._advice, advice_text(joint))
         self._show_motion(joint.name, now, numbers)
         model, gains, before = published_joint(values), _gains(numbers, ""), self._subject
         if model is None or gains is None or not 0.0 < abs(joint.velocity) < math.inf:
@@ -242,10 +258,6 @@ class LivePage:
             self._pending_if = (wanted, self._work.submit(margin_json, wanted.joint, gains, wanted.velocity))
 
 
-def _text(name: str) -> str:
-    return resources.files("stickslip_ros.cli").joinpath("static").joinpath(name).read_text(encoding="utf-8")
-
-
 def _gains(numbers: Mapping[str, float], before: str) -> Gains | None:
     stiffness, damping = (numbers.get(f"{before}{name}") for name in ("stiffness [N*m/rad]", "damping [N*m*s/rad]"))
     return None if stiffness is None or damping is None else Gains(stiffness=stiffness, damping=damping)
@@ -282,11 +294,11 @@ def joint_table(joints: list[JointView], chosen: str) -> str:
     return f"<div class='list'><table><thead><tr>{heads}</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
 
 
-def advice_text(joint: JointView, values: Mapping[str, str]) -> str:
+def advice_text(joint: JointView) -> str:
     """What to do about a joint, and why, as HTML."""
     name, message = html.escape(joint.name), html.escape(joint.message.replace("stick_slip", "stick-slip"))
-    reason = values.get("recommendation", "") or values.get("margin reason", "")
-    more = f"<br>{html.escape(reason)}" if reason and reason not in joint.message else ""
+    why = joint.values.get("recommendation", "") or joint.values.get("margin reason", "")
+    more = f"<br>{html.escape(why)}" if why and why not in joint.message else ""
     return f"<p class='{_CLASSES[joint.level]} todo'><b>{name}</b>: {message}{more}</p>"
 
 
@@ -358,11 +370,7 @@ def phase_loop(samples: FloatArray, references: FloatArray, duration: float) -> 
     rows = rows[np.isfinite(rows[:, :2]).all(axis=1)]
     if len(rows) < _LEAST_SAMPLES or not rows[-1, 0] > rows[0, 0]:
         return empty, empty
-    time, position, velocity = rows[:, 0], rows[:, 1], rows[:, 2]
-    if not np.isfinite(velocity).all():
-        number = np.arange(len(rows))
-        ahead, behind = np.minimum(number + _SMOOTHED, len(rows) - 1), np.maximum(number - _SMOOTHED, 0)
-        velocity = (position[ahead] - position[behind]) / np.maximum(time[ahead] - time[behind], 1e-9)
+    time, position, velocity = rows[:, 0], rows[:, 1], velocity_of(*rows.T)
     if len(references) and references[-1, 0] >= time[0]:
         desired = np.interp(time, references[:, 0], references[:, 1])
     else:
@@ -375,3 +383,56 @@ def cycle_duration(values: Mapping[str, float]) -> float:
     dwell, slip = values.get("last dwell [s]", math.nan), values.get("last slip duration [s]", math.nan)
     period = dwell + slip
     return min(max(1.3 * period, 0.5), 20.0) if math.isfinite(period) else 3.0
+
+
+def serve(address: str, port: int) -> None:
+    """Serve the page until a signal ends it.
+
+    Raises
+    ------
+    Interrupted
+        When one does.
+    InvalidParameterError
+        If the port is taken, or the address is none of this machine.
+    """
+    console = console_of_text(stderr=True)
+    # Compiled code holds Python's lock: what takes a second is worked out in a process of its own.
+    context = multiprocessing.get_context("spawn")
+    with LiveListener() as listener, ProcessPoolExecutor(1, context, die_with_parent) as work:
+        # The process is begun by the first question.
+        with without_interrupts():
+            work.submit(int)
+
+        def begin(document: Document) -> None:
+            document.template = _template()
+            page = LivePage(document, listener, work)
+            document.on_session_destroyed(lambda _: page.close())
+
+        names = ("localhost", _HERE) if address == _HERE else ("*",)
+        try:
+            server = Server(
+                {"/": Application(FunctionHandler(begin))}, address=address, port=port,
+                allow_websocket_origin=[f"{name}:{port}" for name in names],
+                check_unused_sessions_milliseconds=2000, unused_session_lifetime_milliseconds=5000,
+            )  # fmt: skip
+        except OSError as error:
+            raise InvalidParameterError(
+                "--port", f"free, and --address one of this machine ({reason(error)})", f"{address}:{port}"
+            ) from error
+        console.print(f"http://{address}:{port} shows every joint; Ctrl-C ends it.")
+        try:
+            server.start()
+            with woken(lambda: server.io_loop.add_callback(server.io_loop.stop)):
+                server.io_loop.start()
+            check()
+        finally:
+            server.stop()
+            work.shutdown(wait=False, cancel_futures=True)
+
+
+def _template() -> Template:
+    style, script = map(static_text, ("style.css", "page.js"))
+    # Bokeh's own style comes later, and leaves a body no margin.
+    wide = "html > body { max-width: 100rem; margin: 0 auto; padding: 1rem; }"
+    template: Template = get_env().from_string(_PAGE.replace("STYLE", style + wide).replace("SCRIPT", script))
+    return template

@@ -11,14 +11,12 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from rich.table import Table
-
 from stickslip_ros.cli.options import add_flag, add_json, add_number, add_option, option_of, refuse_without_effect
-from stickslip_ros.cli.terminal import Terminal, console_of_tables, fitting, new_table
+from stickslip_ros.cli.terminal import console_of_tables, console_of_text, fitting_table, number_text, working
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.model._friction_law import CONTACTS, ELASTO_PLASTIC, LAWS, PAPERS_LAW
 from stickslip_ros.model._validation import require_not_negative
@@ -39,7 +37,7 @@ from stickslip_ros.model.units import unit_of
 from stickslip_ros.model.verdict import HUNTING
 from stickslip_ros.output.as_json import json_text, margin_json
 from stickslip_ros.output.published import number, numbers
-from stickslip_ros.output.wording import OUTCOME_WORDS, with_prefix
+from stickslip_ros.output.wording import OUTCOME_WORDS, angle_text
 from stickslip_ros.settings.known_joints import KnownJoint, load_joint
 
 # What is needed comes first, what cancels last.
@@ -113,9 +111,10 @@ def add_joint_arguments(parser: argparse.ArgumentParser, *, velocity: bool = Tru
 
 def run(options: argparse.Namespace) -> int:
     """Print the margin; exit status 0 whatever the verdict."""
-    joint, gains, velocity = joint_from(options)
+    given = joint_from(options)
+    joint, gains, velocity = given.joint, given.gains, given.velocity
     conditions = conditions_from(options)
-    with Terminal(stderr=True).status("integrating (after installation this compiles for ten seconds)"):
+    with working("integrating"):
         result = margin_json(joint, gains, velocity, conditions)
         if result["exact"]["reason"] == HUNTING:
             result["hunting"] = _hunting(joint, gains, conditions)
@@ -133,8 +132,8 @@ def run(options: argparse.Namespace) -> int:
     return 0 if result["applicable"] or result["exact"]["outcome"] is not None else 1
 
 
-def joint_from(options: argparse.Namespace) -> tuple[Joint, Gains, float]:
-    """The joint, gains and velocity that the options give.
+def joint_from(options: argparse.Namespace) -> KnownJoint:
+    """The joint that the options give, with its gains and a velocity: the known one, with other values.
 
     Raises
     ------
@@ -173,7 +172,9 @@ def joint_from(options: argparse.Namespace) -> tuple[Joint, Gains, float]:
     velocity = value("velocity")
     if abs(velocity) > _FASTEST:
         raise InvalidParameterError("--velocity", f"at most {_FASTEST:g} rad/s", velocity)
-    return joint, gains, velocity
+    if known is None:
+        return KnownJoint(name="joint", joint=joint, gains=gains, velocity=velocity)
+    return replace(known, name=options.model, joint=joint, gains=gains, velocity=velocity)
 
 
 def _transmission(options: argparse.Namespace, known: KnownJoint | None) -> Transmission | None:
@@ -223,14 +224,14 @@ def _rigid_in_words(found: dict[str, Any], *, hunts: bool) -> str:
         return "What it would do with a rigid contact cannot be followed."
     if not found["hunts"]:
         return f"With a rigid contact it would {'settle: presliding makes it hunt' if hunts else 'settle too'}."
-    text = f"With a rigid contact it would hunt{' too' if hunts else ''}, by ±{with_prefix(found['amplitude'], 'rad')}"
+    text = f"With a rigid contact it would hunt{' too' if hunts else ''}, by ±{angle_text(found['amplitude'])}"
     return f"{text}." if hunts else f"{text}: presliding lets it settle."
 
 
 def _hunts_in_words(found: dict[str, Any]) -> str:
     text = "It hunts"
     if found["amplitude"] is not None and found["period"] is not None:
-        text += f" by ±{with_prefix(found['amplitude'], 'rad')}, once in {found['period']:.3g} s"
+        text += f" by ±{angle_text(found['amplitude'])}, once in {found['period']:.3g} s"
     integral, stiffness = found["largest_quiet_integral"], found["least_quiet_stiffness"]
     less = (
         "no k_i down to a thousandth of the present one ends that"
@@ -251,7 +252,7 @@ def _hunts_in_words(found: dict[str, Any]) -> str:
 
 
 def _print(result: dict[str, Any], joint: Joint, gains: Gains, velocity: float) -> None:
-    console = Terminal(highlight=False, soft_wrap=True)
+    console = console_of_text()
     console.print(f"[dim]{judged(joint, gains)}[/]")
     exact = result["exact"]
     if exact["outcome"] is None:
@@ -313,7 +314,7 @@ def _print_side_by_side(result: dict[str, Any]) -> None:
     console = console_of_tables()
 
     def number(value: float | None, unit: str = "") -> str:
-        return "-" if value is None else f"{value:.4g}{unit}"
+        return number_text(value, ".4g", unit)
 
     paper = {True: "[green]smooth[/]", False: "[red]stick-slip[/]", None: "-"}[result["smooth"]]
     outcome = "-" if exact["outcome"] is None else OUTCOME_WORDS[exact["outcome"]]
@@ -339,16 +340,13 @@ def _print_side_by_side(result: dict[str, Any]) -> None:
         ("reduction factor", "-", number(result["reduction_factor"]), "h of Eq. (32)"),
         ("steady Stribeck friction", "-", number(result["steady_stribeck"], " N·m"), "F_s,ss of Eq. (39)"),
     )  # fmt: skip
-
-    def table(kept: Sequence[str]) -> Table:
-        made = new_table(kept, ("", "meaning"), padding=(0, 2))
-        for *cells, meaning in rows:
-            # Beyond the paper's case some have no answer.
-            if cells[1:] != ["-", "-"]:
-                made.add_row(*[*cells, f"[dim]{meaning}[/]"][: len(kept)])
-        return made
-
-    console.print(table(fitting(console, headings, headings[-1:], table)))
+    # Beyond the paper's case some have no answer.
+    answered = [
+        dict(zip(headings, (*cells, f"[dim]{meaning}[/]"), strict=True))
+        for *cells, meaning in rows
+        if cells[1:] != ["-", "-"]
+    ]
+    console.print(fitting_table(console, answered, headings[-1:], ("", "meaning"), padding=(0, 2)))
 
 
 def percent_text(share: float | None) -> str:

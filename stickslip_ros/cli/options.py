@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Mapping
 from typing import Any
 
-from stickslip_ros.errors import StickSlipError
+from stickslip_ros.errors import InvalidParameterError, StickSlipError
 
 
 def add_option(group: Any, name: str, metavar: str | None, text: str, default: Any = None, **more: Any) -> None:
@@ -45,19 +46,22 @@ def option_of(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
+def refuse_given(options: argparse.Namespace, defaults: Mapping[str, Any], rule: str) -> None:
+    """Refuse options with another value than their default, which are here by their names; ``rule``: what they must be,
+    such as left out.
+    """
+    for name, default in defaults.items():
+        if (given := getattr(options, name)) != default:
+            raise InvalidParameterError(option_of(name), rule, given)
+
+
 def refuse_without_effect(options: argparse.Namespace, *names: str, met: bool, needs: str) -> None:
     """Refuse options that were given and have no effect, for what they need is not there; None and False are what
     nobody gave.
 
     Parameters
     ----------
-    names : of the options, without the dashes, words joined by underscores. met : whether what they need is there.
-    needs : what that is, for a person.
-
-    Raises
-    ------
-    StickSlipError
-        The text names the option, and what it needs.
+    met : whether what they need is there. needs : what that is, for a person.
     """
     for name in names:
         given = getattr(options, name)

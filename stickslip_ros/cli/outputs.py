@@ -21,7 +21,7 @@ from stickslip_ros.files import check_writable
 
 # What looks like the ending of a file: a folder of that name was hardly meant.
 _ENDING = re.compile(r"\.[A-Za-z][A-Za-z0-9]{0,6}$")
-BAG_FILE = ".mcap"
+_BAG_FILE = ".mcap"
 
 
 @dataclass(frozen=True, eq=False)  # argparse looks types up by their hash
@@ -55,36 +55,29 @@ class OutputFile:
         return path
 
 
-@dataclass(frozen=True)
-class OutputFolder:
-    """A folder, which is made if it is not there."""
-
-    def __call__(self, text: str) -> Path:
-        """The path; refused is what cannot be written."""
-        path = Path(text)
-        if not text:
-            raise argparse.ArgumentTypeError("must name a folder: ''")
-        if path.exists() and not path.is_dir():
-            raise argparse.ArgumentTypeError(f"must be a folder: {text!r} is a file")
-        _require_writable(_nearest(path) / "file", text)
-        return path
+def output_folder(text: str) -> Path:
+    """A folder, which is made if it is not there; refused is what cannot be written."""
+    path = Path(text)
+    if not text:
+        raise argparse.ArgumentTypeError("must name a folder: ''")
+    if path.exists() and not path.is_dir():
+        raise argparse.ArgumentTypeError(f"must be a folder: {text!r} is a file")
+    _require_writable(_nearest(path) / "file", text)
+    return path
 
 
-@dataclass(frozen=True)
-class OutputBag:
-    """A bag: a file that ends in .mcap, or a new folder."""
-
-    def __call__(self, text: str) -> Path:
-        """The path; refused is what cannot be written."""
-        path = Path(text)
-        if path.suffix == BAG_FILE:
-            return OutputFile((BAG_FILE,))(text)
-        if not path.name or _ENDING.search(path.name):
-            raise argparse.ArgumentTypeError(f"must end in {BAG_FILE}, or name a new folder: {text!r}")
-        if path.exists():
-            raise argparse.ArgumentTypeError(f"must end in {BAG_FILE}, or name a new folder: {text!r} is there already")
-        _require_writable(_nearest(path) / "file", text)
-        return path
+def output_bag(text: str) -> Path:
+    """A bag: a file that ends in .mcap, or a new folder; refused is what cannot be written."""
+    path = Path(text)
+    if path.suffix == _BAG_FILE:
+        return OutputFile((_BAG_FILE,))(text)
+    rule = f"must end in {_BAG_FILE}, or name a new folder: {text!r}"
+    if not path.name or _ENDING.search(path.name):
+        raise argparse.ArgumentTypeError(rule)
+    if path.exists():
+        raise argparse.ArgumentTypeError(f"{rule} is there already")
+    _require_writable(_nearest(path) / "file", text)
+    return path
 
 
 PAGE = OutputFile((".html", ".htm"), {".html": "bokeh", ".htm": "bokeh"})
@@ -97,9 +90,9 @@ DRAWING = OutputFile((".png", ".svg", ".pdf"))
 JOINT_FILE = OutputFile((".yaml", ".yml"), new=True)
 
 
-def add_bag_arguments(parser: argparse.ArgumentParser) -> None:
+def add_bag_output(parser: argparse.ArgumentParser) -> None:
     """The bag that a command writes, and the option read by :func:`refuse_to_overwrite`."""
-    add_option(parser, "--out", "BAG", "a file that ends in .mcap, or a new folder", type=OutputBag(), required=True)
+    add_option(parser, "--out", "BAG", "a file that ends in .mcap, or a new folder", type=output_bag, required=True)
     add_flag(parser, "--force", "overwrite an existing file")
 
 

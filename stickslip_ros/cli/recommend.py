@@ -17,17 +17,23 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from stickslip_ros.cli.bag_options import SLOWEST, fields_of, given_gains
+from stickslip_ros.cli.bag_options import SLOWEST, gain_fields
 from stickslip_ros.cli.compensation_table import (
     CompensationTable,
     compensation_table,
     print_table,
     write_feedforward,
 )
-from stickslip_ros.cli.margin import add_joint_arguments, joint_from, percent_text, refuse_of_a_rigid_contact
+from stickslip_ros.cli.margin import (
+    add_joint_arguments,
+    conditions_from,
+    joint_from,
+    percent_text,
+    refuse_of_a_rigid_contact,
+)
 from stickslip_ros.cli.options import add_flag, add_json, add_number, add_option, option_of, refuse_without_effect
 from stickslip_ros.cli.outputs import COMPENSATION, TRAJECTORY
-from stickslip_ros.cli.terminal import Terminal, new_table
+from stickslip_ros.cli.terminal import console_of_text, new_table, number_text, working
 from stickslip_ros.cli.trajectory import read_trajectory, write_trajectory
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.model._validation import require_not_negative, require_positive
@@ -49,7 +55,7 @@ from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation,
 from stickslip_ros.monitoring.advice.sensitivity import Sensitivity, in_words, sensitivities
 from stickslip_ros.output.as_json import json_text, margin_json, recommendation_json
 from stickslip_ros.output.wording import OUTCOME_WORDS
-from stickslip_ros.settings.known_joints import load_joint
+from stickslip_ros.settings.known_joints import KnownJoint
 from stickslip_ros.settings.parameter_table import GAINS
 
 _LARGEST_RESERVE = 100.0  # where next to no damping is needed the reserve says nothing
@@ -99,12 +105,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_number(parser, "--speed-filter", "S", f"time constant of the filter on the speed for compensation [s]{usual}")
     add_json(parser)
     made_of = by_field(lambda one: option_of(one.name))
-    parser.set_defaults(run=run, made_of={**made_of, "wanted_margin": ("--wanted-reserve",)})
+    parser.set_defaults(load=0.0, made_of={**made_of, "wanted_margin": ("--wanted-reserve",)})
 
 
 def run(options: argparse.Namespace) -> int:
     """Print the advice; exit status 0 if there are gains, 1 if no gains within the bounds reach the wanted margin."""
-    joint, gains, velocity = joint_from(options)
+    known = joint_from(options)
+    joint, gains, velocity = known.joint, known.gains, known.velocity
     limits = _limits(options)
     if options.sample_rate is not None:
         require_positive("sample_rate", options.sample_rate)
@@ -112,17 +119,15 @@ def run(options: argparse.Namespace) -> int:
         if getattr(options, name) is not None:
             require_not_negative(name, getattr(options, name))
     loop = ObservedLoop(
-        conditions=OperatingConditions(
-            controller_period=options.controller_period, control_delay=options.control_delay
-        ),
+        conditions=conditions_from(options),
         sample_rate=math.nan if options.sample_rate is None else options.sample_rate,
         tracking_error=math.nan if options.tracking_error is None else options.tracking_error,
     )
     trial = what_if(options.what_if, gains) if options.what_if else None
-    factors = options.factors or bool(options.model and load_joint(options.model).per_inertia)
+    factors = options.factors or known.per_inertia
     _refuse(options, joint, factors=factors)
     given = None if options.trajectory is None else read_trajectory(options.trajectory, options.trajectory_joint)
-    with Terminal(stderr=True).status("working it out (after installation this compiles for ten seconds)"):
+    with working("working it out"):
         advice = recommend(joint, gains, velocity, limits, None, loop, gains_known=not factors)
         found: Sequence[Sensitivity] = ()
         if gains.stiffness > 0 and advice.velocity > 0:
@@ -138,7 +143,7 @@ def run(options: argparse.Namespace) -> int:
                 "margin": margin_json(joint, trial, velocity, loop.conditions),
                 "present_margin": margin_json(joint, gains, velocity, loop.conditions),
             }
-        table = _compensation(options, joint, gains, advice, loop.conditions) if options.compensation else None
+        table = _compensation(options, known, advice, loop.conditions) if options.compensation else None
         if table is not None:
             result["compensation"] = table.as_json()
     if options.compensation_out is not None:
@@ -193,20 +198,19 @@ def _refuse(options: argparse.Namespace, joint: Joint, *, factors: bool) -> None
 
 
 def _compensation(
-    options: argparse.Namespace, joint: Joint, gains: Gains, advice: Recommendation, conditions: OperatingConditions
+    options: argparse.Namespace, known: KnownJoint, advice: Recommendation, conditions: OperatingConditions
 ) -> CompensationTable:
     """With the advised gains, or the present ones where there are none."""
     if not advice.velocity > 0:
         raise InvalidParameterError("--velocity", "> 0 for a table of compensation", advice.velocity)
     variant = advice[Kind.LEAST_CHANGE]
-    used = variant.gains if variant.found else gains
-    known = load_joint(options.model) if options.model else None
+    used = variant.gains if variant.found else known.gains
     kinds = compensations(
-        joint, used, conditions,
-        resolution=0.0 if known is None else known.encoder_resolution,
+        known.joint, used, conditions,
+        resolution=known.encoder_resolution,
         speed_filter=USUAL_FILTER if options.speed_filter is None else options.speed_filter,
     )  # fmt: skip
-    return compensation_table(joint, used, advice.velocity, conditions, kinds)
+    return compensation_table(known.joint, used, advice.velocity, conditions, kinds)
 
 
 def _limits(options: argparse.Namespace) -> AdviceLimits:
@@ -229,7 +233,7 @@ def what_if(text: str, gains: Gains) -> Gains:
         If the text has another form.
     """
     if "=" not in text:
-        return replace(gains, **fields_of(given_gains("--what-if", text)))
+        return replace(gains, **gain_fields("--what-if", text))
     changes = {}
     for word in text.split(","):
         key, _, value = word.partition("=")
@@ -243,7 +247,7 @@ def what_if(text: str, gains: Gains) -> Gains:
 
 
 def _print(advice: Recommendation, found: Sequence[Sensitivity], joint: Joint) -> None:
-    console = Terminal(highlight=False, soft_wrap=True)
+    console = console_of_text()
     name = "the paper's approximation, Eq. (43)" if advice.condition is Criterion.PAPER else "the friction model"
     if not joint.friction.of_the_paper:
         name += f" (Eq. (43) does not hold for the law {joint.friction.law_in_words})"
@@ -322,7 +326,7 @@ def _percent(reserve: float) -> str:
 
 
 def _print_what_if(result: dict[str, Any]) -> None:
-    console = Terminal(highlight=False, soft_wrap=True)
+    console = console_of_text()
     now, then = result["present_margin"], result["margin"]
     console.print(f"What if p = {result['stiffness']:.4g} and d = {result['damping']:.4g}:")
     table = new_table(("", "now", "then"), padding=(0, 1))
@@ -332,7 +336,7 @@ def _print_what_if(result: dict[str, Any]) -> None:
     reserves = [one["damping_reserve"] for one in exact]
     table.add_row("damping reserve", *map(percent_text, reserves))
     speeds = [one["lowest_smooth_velocity"] for one in exact]
-    table.add_row("lowest smooth speed (rad/s)", *("-" if one is None else f"{one:.4g}" for one in speeds))
+    table.add_row("lowest smooth speed (rad/s)", *(number_text(one, ".4g") for one in speeds))
     words = {True: "[green]smooth[/]", False: "[red]stick-slip[/]", None: "no answer"}
     table.add_row("Eq. (43)", words[now["smooth"]], words[then["smooth"]])
     console.print(table)

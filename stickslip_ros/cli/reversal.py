@@ -27,11 +27,11 @@ from stickslip_ros.cli.margin import (
     judged,
     refuse_of_a_rigid_contact,
 )
-from stickslip_ros.cli.options import add_flag, add_json, add_number, add_option, refuse_without_effect
+from stickslip_ros.cli.options import add_flag, add_json, add_number, add_option, refuse_given, refuse_without_effect
 from stickslip_ros.cli.outputs import PICTURE
-from stickslip_ros.cli.terminal import Terminal, new_table
+from stickslip_ros.cli.terminal import console_of_text, new_table, working
 from stickslip_ros.cli.trajectory import read_trajectory
-from stickslip_ros.errors import InvalidParameterError, StickSlipError
+from stickslip_ros.errors import StickSlipError
 from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.reversal import (
@@ -51,7 +51,7 @@ from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.output.as_json import json_text
 from stickslip_ros.output.plotting import BLUE, GREEN, GREY, ORANGE, RED, Curve, Figure, Panel, save
 from stickslip_ros.output.published import number
-from stickslip_ros.output.wording import with_prefix
+from stickslip_ros.output.wording import angle_text
 
 _AMPLITUDES = (0.25, 1.0, 4.0)  # times the one that is asked for
 _SPEEDS = np.geomspace(0.1, 10.0, 13)  # likewise of the top speed
@@ -81,11 +81,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Print what the reversals do; exit status 0."""
-    joint, gains, _ = joint_from(options)
+    given = joint_from(options)
+    joint, gains = given.joint, given.gains
     _refuse(options, joint, gains)
     conditions = conditions_from(options)
     reference, words, make = _reference(options, joint, gains)
-    with Terminal(stderr=True).status("integrating (after installation this compiles for ten seconds)"):
+    with working("integrating"):
         found = reversals(joint, gains, reference, conditions)
         if not found:
             raise StickSlipError(f"{words} {_why_none(reference)}")
@@ -127,11 +128,7 @@ def _why_none(reference: ReferenceMotion) -> str:
 def _reference(options: argparse.Namespace, joint: Joint, gains: Gains) -> tuple[ReferenceMotion, str, Make | None]:
     """The reference, its name, and how others of its kind are made; None if it is a trajectory of the user's own."""
     if options.trajectory is not None:
-        for name in ("amplitude", "frequency"):
-            if getattr(options, name) is not None:
-                raise InvalidParameterError(
-                    f"--{name}", "left out where there is a --trajectory", getattr(options, name)
-                )
+        refuse_given(options, {"amplitude": None, "frequency": None}, "left out where there is a --trajectory")
         given = read_trajectory(options.trajectory)
         return through(given.time, given.position, joint, gains), f"the trajectory of {options.trajectory}", None
     for name in ("amplitude", "frequency"):
@@ -165,7 +162,7 @@ def _as_json(turn: Reversal) -> dict[str, Any]:
 
 
 def _print(found: Sequence[Reversal], words: str, joint: Joint, gains: Gains) -> None:
-    console = Terminal(highlight=False, soft_wrap=True)
+    console = console_of_text()
     console.print(f"[dim]{judged(joint, gains, coulomb=True)}[/]")
     worst = max(found, key=lambda turn: turn.peak_error)
     console.print(f"Where {words} turns round, the joint {_in_words(worst)}")
@@ -199,7 +196,7 @@ def _seconds(value: float) -> str:
 
 
 def _milli(value: float) -> str:
-    return with_prefix(value, "rad") if math.isfinite(value) else "-"
+    return angle_text(value) if math.isfinite(value) else "-"
 
 
 def _figure(
@@ -239,7 +236,7 @@ def _figure(
         ),
         Panel(
             x_label="time since the reference turned [s]", y_label="following error [mrad]", curves=tuple(error),
-            title=f"It falls behind by {with_prefix(turn.peak_error, 'rad')}",
+            title=f"It falls behind by {angle_text(turn.peak_error)}",
         ),
     ]  # fmt: skip
     if dependences:

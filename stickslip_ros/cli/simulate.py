@@ -20,8 +20,8 @@ import numpy as np
 from stickslip_ros.bags.simulated import RecordedJoint, write_simulation
 from stickslip_ros.bags.writing import COMPRESSIONS
 from stickslip_ros.cli.options import add_flag, add_number, add_option, refuse_without_effect
-from stickslip_ros.cli.outputs import add_bag_arguments, refuse_to_overwrite
-from stickslip_ros.cli.terminal import Terminal, progress_bar
+from stickslip_ros.cli.outputs import add_bag_output, refuse_to_overwrite
+from stickslip_ros.cli.terminal import console_of_text, progress_bar
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.settings.known_joints import load_joint
@@ -35,7 +35,7 @@ _COMPENSATIONS = {
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
-    add_bag_arguments(parser)
+    add_bag_output(parser)
     add_option(parser, "--model", "NAME", "known joint, or path of a joint file", "puma560_joint1")
     add_option(parser, "--names", "A,B", "names of the joints", "joint1")
     add_option(parser, "--velocity", "V[,V]", "speeds, one after the other [rad/s] (default: of the known joint)")
@@ -105,7 +105,7 @@ def run(options: argparse.Namespace) -> int:
             compression=options.compression,
             progress=progress,
         )
-    Terminal(stderr=True, highlight=False, soft_wrap=True).print(
+    console_of_text(stderr=True).print(
         f"{options.out}: {options.duration:g} s of {', '.join(names)}; now: stickslip analyze {options.out}"
     )
     return 0

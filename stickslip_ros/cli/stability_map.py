@@ -34,8 +34,8 @@ def run(options: argparse.Namespace) -> int:
     """Write the map as PNG, SVG and CSV and print the paths."""
     if options.points < _LEAST_POINTS:
         raise InvalidParameterError("--points", f">= {_LEAST_POINTS}", options.points)
-    joint, gains, velocity = joint_from(options)
-    subject = MapSubject(name=options.model or "joint", joint=joint, gains=gains, velocity=velocity)
+    given = joint_from(options)
+    subject = MapSubject(name=given.name, joint=given.joint, gains=given.gains, velocity=given.velocity)
     with progress_bar("integrating") as progress:
         computed = map_of(subject, options.points, workers=os.cpu_count() or 1, progress=progress)
     for path in save(map_figure(subject, computed, name=options.out.stem), options.out.parent):

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 import os
 import sys
-from collections.abc import Callable, Container, Iterable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -16,6 +16,7 @@ from rich.markup import escape
 from rich.measure import Measurement
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.segment import Segment
+from rich.status import Status
 from rich.table import Table
 
 from stickslip_ros.interrupts import check
@@ -46,10 +47,20 @@ class Terminal(Console):
             os.dup2(nowhere.fileno(), self.file.fileno())
 
 
-def console_of_tables() -> Console:
-    """As wide as the terminal; where there is none, as wide as the tables."""
-    console = Terminal(highlight=False)
-    return console if console.is_terminal else Terminal(highlight=False, width=_WIDTH)
+def console_of_text(*, stderr: bool = False) -> Console:
+    """For texts, whose lines are as long as they are."""
+    return Terminal(stderr=stderr, highlight=False, soft_wrap=True)
+
+
+def console_of_tables(width: int = _WIDTH, *, stderr: bool = False) -> Console:
+    """As wide as the terminal; where there is none, so many columns wide."""
+    console = Terminal(stderr=stderr, highlight=False)
+    return console if console.is_terminal else Terminal(stderr=stderr, highlight=False, width=width)
+
+
+def working(text: str) -> Status:
+    """What is worked out, on stderr, until it is done; a context manager."""
+    return Terminal(stderr=True).status(f"{text} (after installation this compiles for ten seconds)")
 
 
 def new_table(headings: Iterable[str], left: Container[str] = ("",), **more: Any) -> Table:
@@ -63,6 +74,20 @@ def new_table(headings: Iterable[str], left: Container[str] = ("",), **more: Any
 def width_of(console: Console, table: Table) -> int:
     """Columns that a table takes where nothing of it is cut or wrapped."""
     return Measurement.get(console, console.options.update(width=_ENDLESS), table).maximum
+
+
+def fitting_table(
+    console: Console, rows: Sequence[Mapping[str, str]], spared: Sequence[str], left: Container[str], **more: Any
+) -> Table:
+    """A table of rows, whose cells are by heading, that the console has room for: some headings may be spared."""
+
+    def table(headings: Sequence[str]) -> Table:
+        made = new_table(headings, left, **more)
+        for row in rows:
+            made.add_row(*[row[heading] for heading in headings])
+        return made
+
+    return table(fitting(console, rows[0], spared, table))
 
 
 def fitting(
@@ -82,9 +107,9 @@ def fitting(
     return kept
 
 
-def number_text(value: float, form: str = ".3g", unit: str = "") -> str:
+def number_text(value: float | None, form: str = ".3g", unit: str = "") -> str:
     """A number as tables have it; "-" for none."""
-    return f"{value:{form}}{unit}" if math.isfinite(value) else "-"
+    return "-" if value is None or not math.isfinite(value) else f"{value:{form}}{unit}"
 
 
 @contextmanager
@@ -103,6 +128,11 @@ def progress_bar(text: str) -> Iterator[Callable[[float, float], None]]:
             progress.update(task, completed=done, total=total)
 
         yield advance
+
+
+def print_warning(console: Console, text: str) -> None:
+    """Print a warning, in which others may be named."""
+    console.print(f"[yellow]warning:[/] {escape(visible(text))}", soft_wrap=True)
 
 
 def complain(text: str) -> None:

@@ -19,7 +19,7 @@ import yaml
 
 from stickslip_ros.bags.table import Table, load_table
 from stickslip_ros.bags.table_columns import POSITION, TIME, UNITS, USUAL_UNIT, Column
-from stickslip_ros.cli.terminal import Terminal
+from stickslip_ros.cli.terminal import console_of_text
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.files import write_whole
 from stickslip_ros.model.compensation import Compensation
@@ -97,13 +97,13 @@ def _tell_units(path: Path, table: Table, name: str) -> None:
     uses = [*table.time, table.joints[name][POSITION]]
     taken = [f"{use.name!r} in {use.unit or USUAL_UNIT[POSITION]}" for use in uses if use.assumed]
     if taken:
-        Terminal(stderr=True, highlight=False, soft_wrap=True).print(
+        console_of_text(stderr=True).print(
             f"{path}: took {' and '.join(taken)}; a heading such as time_ms or position_deg says another unit.",
             markup=False,
         )
 
 
-def with_effort(
+def _with_effort(
     given: GivenTrajectory, friction: Friction, share: float
 ) -> tuple[FloatArray, FloatArray, FloatArray | None, FloatArray]:
     """Time from the start [s], position [rad], velocity [rad/s] (None where none was given) and effort [N·m] of points.
@@ -142,7 +142,7 @@ def write_trajectory(path: Path, given: GivenTrajectory, friction: Friction, sha
     OSError
         If it cannot be written.
     """
-    time, position, velocity, effort = with_effort(given, friction, share)
+    time, position, velocity, effort = _with_effort(given, friction, share)
     points = []
     for index, instant in enumerate(np.rint(time * _NANO).astype(np.int64).tolist()):
         point: dict[str, object] = {"positions": [_rounded(position[index])]}

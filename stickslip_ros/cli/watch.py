@@ -24,7 +24,7 @@ from rich.console import RenderableType
 from rich.live import Live
 from rich.status import Status
 
-from stickslip_ros.cli.options import add_flag, add_number, add_option
+from stickslip_ros.cli.options import add_flag, add_number, add_option, refuse_given
 from stickslip_ros.cli.terminal import Terminal
 from stickslip_ros.cli.watch_view import view
 from stickslip_ros.errors import InvalidParameterError, StickSlipError, optional_packages
@@ -65,10 +65,10 @@ def run(options: argparse.Namespace) -> int:
         raise InvalidParameterError("--patience", "finite and > 0", options.patience)
     if not 0 < options.port <= _LARGEST_PORT:
         raise InvalidParameterError("--port", f"from 1 to {_LARGEST_PORT}", options.port)
-    for names, rule in ((_OF_PAGE, "together with"), (_OF_TERMINAL, "without")):
-        for name, default in names.items():
-            if (names is _OF_PAGE) is not options.browser and getattr(options, name) != default:
-                raise InvalidParameterError(f"--{name}", f"given {rule} --browser", getattr(options, name))
+    if options.browser:
+        refuse_given(options, _OF_TERMINAL, "given without --browser")
+    else:
+        refuse_given(options, _OF_PAGE, "given together with --browser")
     try:
         from stickslip_ros.cli.watch_listener import WatchListener
     except ImportError as error:
@@ -76,7 +76,7 @@ def run(options: argparse.Namespace) -> int:
     try:
         if options.browser:
             with optional_packages("--browser"):
-                from stickslip_ros.cli.live_server import serve
+                from stickslip_ros.cli.live_page import serve
             serve(options.address, options.port)
         else:
             _show(WatchListener(), options)

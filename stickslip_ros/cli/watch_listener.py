@@ -94,10 +94,6 @@ class WatchListener(MonitorClient):
         """What is known of every joint now."""
         return [self._view(name, heard) for name, heard in self._joints.items() if heard.values]
 
-    def values(self) -> dict[str, dict[str, str]]:
-        """Every joint's last diagnostics, by key."""
-        return {name: heard.values for name, heard in self._joints.items() if heard.values}
-
     @property
     def silent_for(self) -> float:
         """How long no monitor has said anything [s]; infinite before the first word."""
@@ -121,6 +117,7 @@ class WatchListener(MonitorClient):
             cycles=int(heard.values.get("cycles [1]", "0")),
             slip=heard.number("last slip_distance [rad]"),
             history=np.array(heard.history).reshape(-1, 2),
+            values=heard.values,
         )
 
     @property

@@ -5,8 +5,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import accumulate
 
 import numpy as np
@@ -45,7 +45,7 @@ class JointView:
     message : a summary for a person. velocity : commanded [rad/s]. slip : the last one's distance [rad].
     outcome : what becomes of it by integration: sticks, swings or steady; "" if unknown.
     reserve : relative damping reserve ρ/ρ_c − 1 by integration [1]; NaN if unknown.
-    history : times [s] and positions [rad] of late, of shape (n, 2).
+    history : times [s] and positions [rad] of late, of shape (n, 2). values : its last diagnostics, by key.
     """
 
     name: str
@@ -58,6 +58,7 @@ class JointView:
     cycles: int
     slip: float
     history: FloatArray
+    values: Mapping[str, str] = field(default_factory=dict)
 
 
 def worst_first(joints: Iterable[JointView]) -> list[JointView]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 from stickslip_ros.model.conditions import OperatingConditions
@@ -15,12 +16,10 @@ from stickslip_ros.model.margin import lowest_smooth_velocity, stability_margin
 from stickslip_ros.model.verdict import ExactVerdict, verdict
 from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, Variant
 from stickslip_ros.monitoring.advice.sensitivity import Sensitivity
-from stickslip_ros.monitoring.friction.asymmetry import Asymmetry
-from stickslip_ros.monitoring.friction.curved_viscous import Curvature
-from stickslip_ros.monitoring.friction.dry_friction import DryFriction, Term
+from stickslip_ros.monitoring.friction.dry_friction import DryFriction
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate, ParameterEstimate
-from stickslip_ros.output import published as published
-from stickslip_ros.output.published import number, numbers
+from stickslip_ros.output import published
+from stickslip_ros.output.published import number, numbers, numbers_or_null
 from stickslip_ros.output.wording import dry_friction_text
 
 
@@ -88,11 +87,12 @@ def parameter_json(found: ParameterEstimate) -> dict[str, Any]:
 def dry_friction_json(dry: DryFriction) -> dict[str, Any]:
     """What the kinetic friction depends on; null for what is not significant, or cannot be known."""
     ripple = dry.ripple
+    term = partial(numbers_or_null, names=("value", "std", "significance"))
     return {
         "slips": len(dry.kinetic),
-        "coulomb": _term_json(dry.coulomb),
-        "load": _term_json(dry.load),
-        "drift": _term_json(dry.drift),
+        "coulomb": term(dry.coulomb),
+        "load": term(dry.load),
+        "drift": term(dry.drift),
         "time_and_position_told_apart": dry.distinguished,
         "ripple": None
         if ripple is None
@@ -101,7 +101,7 @@ def dry_friction_json(dry: DryFriction) -> dict[str, Any]:
             **numbers(ripple, "about", "significance"),
             "aliases": [number(period) for period in ripple.aliases],
         },
-        "load_dependence": _term_json(dry.load_dependence),
+        "load_dependence": term(dry.load_dependence),
         "scatter": number(dry.scatter),
         "places": [
             {"direction": place.direction, **numbers(place, "position", "mean", "std"), "slips": place.slips}
@@ -109,16 +109,6 @@ def dry_friction_json(dry: DryFriction) -> dict[str, Any]:
         ],
         "summary": dry_friction_text(dry),
     }
-
-
-def curvature_json(curvature: Curvature | None) -> dict[str, Any] | None:
-    """Curvature of viscous friction over speed, and the speed at which it is told [rad/s]; None if it is none."""
-    return None if curvature is None else numbers(curvature, "value", "std", "speed")
-
-
-def asymmetry_json(asymmetry: Asymmetry | None) -> dict[str, Any] | None:
-    """Difference of Stribeck friction by direction, as a share of its mean; None where there is none."""
-    return None if asymmetry is None else numbers(asymmetry, "value", "std")
 
 
 def growth_json(estimate: FrictionEstimate, position: float) -> dict[str, Any] | None:
@@ -143,10 +133,6 @@ def growth_json(estimate: FrictionEstimate, position: float) -> dict[str, Any] |
         "stribeck_here": number(friction_factor.factor(position) * estimate["stribeck"].value) if known else None,
         "summary": friction_factor.text,
     }
-
-
-def _term_json(term: Term | None) -> dict[str, Any] | None:
-    return None if term is None else numbers(term, "value", "std", "significance")
 
 
 def _variant_json(variant: Variant) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from stickslip_ros.monitoring.advice.compensations import (
 )
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.output.diagnosis import Diagnosis, Level, value_text
-from stickslip_ros.output.wording import OUTCOME_TEXTS, with_prefix
+from stickslip_ros.output.wording import OUTCOME_TEXTS, angle_text
 
 _LEAST_SHARE = 0.1  # of the friction, below which compensation is not worth having
 
@@ -52,9 +52,9 @@ def compensation_words(found: tuple[CompensatedGains, ...]) -> str:
         if one.effect.unstable:
             sentences.append(f"With {one.kind} the loop is unstable.")
             continue
-        then = [f"the error where the joint turns round is {with_prefix(one.effect.peak_error, 'rad')}"]
+        then = [f"the error where the joint turns round is {angle_text(one.effect.peak_error)}"]
         if math.isfinite(alone.peak_error):
-            then[0] += f", not {with_prefix(alone.peak_error, 'rad')}"
+            then[0] += f", not {angle_text(alone.peak_error)}"
         if one.effect.outcome is not alone.outcome and one.effect.outcome is not None:
             then.append(f"at its speed it {OUTCOME_TEXTS[one.effect.outcome]}")
         if math.isfinite(one.harmless):

@@ -21,7 +21,7 @@ from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, FrictionEstimate
-from stickslip_ros.output import published as published
+from stickslip_ros.output import published
 from stickslip_ros.output.wording import constant_effort_text, friction_change_text, kept_gains_text, reason_text
 
 _ONLY_ABSOLUTE = ("inertia", "coulomb", "load")  # per inertia the slips say nothing of them
@@ -68,7 +68,7 @@ def waiting_diagnostic(joint: str, reason: str) -> Diagnosis:
     return _diagnosis(Level.WARN, joint, reason, [("status", Status.UNKNOWN.value), ("reason", reason)])
 
 
-def friction_values(estimate: FrictionEstimate) -> list[tuple[str, object]]:
+def _friction_values(estimate: FrictionEstimate) -> list[tuple[str, object]]:
     """What was learnt, one number a key, and the whole in words."""
     values: list[tuple[str, object]] = []
     words = []
@@ -146,52 +146,48 @@ def joint_diagnostic(
         level, message = Level.WARN, trouble
     if missing:
         level, message = max(level, Level.WARN), f"{message}; {missing}"
-    gains, margin, cycle = assessment.gains, assessment.margin, assessment.last_cycle
+    known = published.Known(assessment=assessment, exact=exact, trial=trial)
+
+    def rows(*sections: published.Section) -> list[tuple[str, object]]:
+        return [row for one in sections for row in one.for_diagnostics(one.of(known))]
+
     values: list[tuple[str, object]] = [
-        *published.STATUS.for_diagnostics(assessment.finding.status),
+        *rows(published.STATUS),
         ("reason", reason_text(assessment.finding)),
-        *published.VELOCITY.for_diagnostics(assessment.velocity),
+        *rows(published.VELOCITY),
         ("velocity is from", assessment.velocity_source),
         ("margin reason", assessment.margin_reason),
         ("missing", missing),
-        *_margin_values(published.MARGIN, margin),
+        *_margin_values(published.MARGIN, assessment.margin),
     ]
-    if margin is not None:
-        values += published.MARGIN_TERMS.for_diagnostics(margin)
-        values += published.LOWEST_SMOOTH_VELOCITY.for_diagnostics(assessment.lowest_smooth_velocity)
+    if assessment.margin is not None:
+        values += rows(published.MARGIN_TERMS, published.LOWEST_SMOOTH_VELOCITY)
     if exact.smooth is not None:
-        values += published.EXACT.for_diagnostics(exact)
+        values += rows(published.EXACT)
     if not math.isnan(exact.damping_reserve):
-        values += published.RESERVE.for_diagnostics(exact)
+        values += rows(published.RESERVE)
     if here is not None and here.smooth is not None:
         values.append(("exact smooth here", str(here.smooth).lower()))
     if exact.reason:
         values.append(("exact reason", exact.reason))
-    if gains is not None:
-        values += published.GAINS.for_diagnostics(gains) + published.INTEGRAL_GAIN.for_diagnostics(gains)
+    values += rows(published.GAINS, published.INTEGRAL_GAIN)
     values += _advice_values(assessment) + _trial_values(assessment, trial)
     if applied:
         values.append(("applied", applied))
-    values += published.BELIEF.for_diagnostics(assessment)
+    values += rows(published.BELIEF)
     if assessment.joint is not None and not assessment.per_inertia:
         values += published.joint_values(assessment.joint)
     if math.isfinite(assessment.margin_std):
-        values += published.UNCERTAINTY.for_diagnostics(assessment)
+        values += rows(published.UNCERTAINTY)
     if math.isfinite(exact.stick_slip_probability):
-        values += published.EXACT_UNCERTAINTY.for_diagnostics(exact)
+        values += rows(published.EXACT_UNCERTAINTY)
     if assessment.estimate is not None:
-        values += friction_values(assessment.estimate)
+        values += _friction_values(assessment.estimate)
     if assessment.change is not None:
         values.append(("friction change", friction_change_text(assessment.change)))
-    values += published.CYCLES.for_diagnostics(assessment.cycles)
-    if cycle is not None:
-        values += published.CYCLE_SIZE.for_diagnostics(cycle, "last ")
-    if assessment.reversals is not None:
-        values += published.REVERSALS.for_diagnostics(assessment.reversals)
-    if assessment.presliding is not None:
-        values += published.PRESLIDING.for_diagnostics(assessment.presliding)
-    values += published.POSITION.for_diagnostics(assessment)
-    values += published.SAMPLING.for_diagnostics(assessment)
+    values += rows(published.CYCLES)
+    values += published.CYCLE_SIZE.for_diagnostics(assessment.last_cycle, "last ")
+    values += rows(published.REVERSALS, published.PRESLIDING, published.POSITION, published.SAMPLING)
     samples = [f"{reason}: {count}" for reason, count in assessment.dropped.items()]
     single = [f"{reason}: {count}" for reason, count in assessment.blanked.items()]
     if math.isfinite(assessment.constant_effort):
@@ -245,11 +241,10 @@ def _margin_values(section: published.Section, margin: StabilityMargin | None) -
 
 def _trial_values(assessment: Assessment, exact: ExactVerdict) -> list[tuple[str, object]]:
     """What the gains on trial would do."""
-    gains = assessment.trial
-    if gains is None:
+    if assessment.trial is None:
         return []
     return [
-        *published.TRIAL_GAINS.for_diagnostics(gains),
+        *published.TRIAL_GAINS.for_diagnostics(assessment.trial),
         *_margin_values(published.TRIAL_MARGIN, assessment.trial_margin),
         *published.TRIAL_EXACT.for_diagnostics(exact),
     ]

@@ -10,7 +10,7 @@ in the order that they have here.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from enum import Enum
 from functools import cached_property
@@ -30,7 +30,7 @@ from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.status import Status
 
-STATUS_NUMBERS = {status: index for index, status in enumerate(Status)}
+_STATUS_NUMBERS = {status: index for index, status in enumerate(Status)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +86,9 @@ class Section:
     rows: tuple[Published, ...]
 
     def for_diagnostics(self, subject: Any, prefix: str = "") -> list[tuple[str, object]]:
-        """Keys and values; what has no answer, or an empty text, is left out."""
+        """Keys and values; what has no answer, or an empty text, is left out. Nothing if there is no subject."""
+        if subject is None:
+            return []
         found = [(row.key(prefix), row.value(subject)) for row in self.rows if row.diagnostics]
         return [(key, _as_text(value)) for key, value in found if value is not None and value != ""]
 
@@ -107,6 +109,11 @@ def number(value: Any) -> float | None:
 def numbers(subject: Any, *names: str) -> dict[str, float | None]:
     """Attributes of an object, each a number that JSON can hold, or None."""
     return {name: number(getattr(subject, name)) for name in names}
+
+
+def numbers_or_null(subject: Any, names: Sequence[str]) -> dict[str, float | None] | None:
+    """The same of an object that need not be there."""
+    return None if subject is None else numbers(subject, *names)
 
 
 def _as_text(value: object) -> object:
@@ -383,7 +390,7 @@ def margin_row(assessment: Assessment, exact: ExactVerdict, trial: ExactVerdict)
 
 def _as_number(value: Any, field: MarginField) -> float:
     if isinstance(value, Status):
-        return float(STATUS_NUMBERS[value])
+        return float(_STATUS_NUMBERS[value])
     return field.unknown if value is None else float(value)
 
 

@@ -96,7 +96,7 @@ def reversals_text(record: ReversalRecord) -> str:
     """What reversals do to a joint."""
     stands = f"stands for {record.standing:.2g} s" if record.standing > 0.0 else "does not stand still"
     differs = "is ahead of its reference" if record.peak_error < 0.0 else "falls behind"
-    return f"at a reversal it {stands} and {differs} by {with_prefix(abs(record.peak_error), 'rad')}"
+    return f"at a reversal it {stands} and {differs} by {angle_text(abs(record.peak_error))}"
 
 
 def constant_effort_text(effort: float) -> str:
@@ -122,13 +122,13 @@ def in_metres_text(names: Iterable[str]) -> str:
     return f"positions of {', '.join(names)} are in m; wherever rad is said, read m, and N for N·m"
 
 
-def with_prefix(value: float, unit: str) -> str:
-    """A value of a unit with three digits and the prefix that keeps it between 1 and 1000, of none, milli and micro."""
+def angle_text(value: float) -> str:
+    """A value [rad] with three digits and the prefix that keeps it between 1 and 1000, of none, milli and micro."""
     size = abs(value)
     factor, prefix = next(((f, p) for f, p in _PREFIXES if size * f >= 1.0), _PREFIXES[-1])
     if not size or not math.isfinite(value):
         factor, prefix = _PREFIXES[0]
-    return f"{factor * value:.3g} {prefix}{unit}"
+    return f"{factor * value:.3g} {prefix}rad"
 
 
 def presliding_text(presliding: PreslidingEstimate, stiffness: float) -> str:

@@ -15,7 +15,7 @@ from support_bags import sticking
 
 from stickslip_ros.analysis.analysis import AnalysisOptions, BagAnalysis, analyze
 from stickslip_ros.analysis.analysis_json import bag_json
-from stickslip_ros.analysis.report.dry_friction_plots import DRY_FRICTION_PLOTS
+from stickslip_ros.analysis.report.plots import position_dependence_plot, time_dependence_plot
 from stickslip_ros.analysis.report.report import write_report
 from stickslip_ros.bags.simulated import write_simulation
 from stickslip_ros.monitoring.friction.dry_friction import DryFriction, dry_friction
@@ -95,4 +95,4 @@ def test_few_slips_are_not_drawn(analysis: BagAnalysis) -> None:
     dry = planted(0.0)
     few = dry_friction(dry.kinetic[:7], dry.direction[:7], dry.position[:7], dry.time[:7])
     joint = with_dry(analysis, few).joints["shoulder"]
-    assert [make(joint) for make in DRY_FRICTION_PLOTS] == [None, None]
+    assert position_dependence_plot(joint) is time_dependence_plot(joint) is None

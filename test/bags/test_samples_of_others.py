@@ -15,7 +15,7 @@ import pytest
 from support_bags import JOINT_STATE, STORE, joint_state, write_mcap
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.output.wording import with_prefix
+from stickslip_ros.output.wording import angle_text
 
 
 def _warnings(path: Path, messages: Sequence[Any], capsys: pytest.CaptureFixture[str]) -> tuple[int, str, str]:
@@ -102,7 +102,7 @@ def test_a_bag_without_positions(tmp_path: Path, capsys: pytest.CaptureFixture[s
 )
 def test_numbers_have_a_prefix_that_fits(error: float, said: str) -> None:
     """What falls behind by much is not said in thousands of milliradians."""
-    assert with_prefix(error, "rad") == said
+    assert angle_text(error) == said
 
 
 def test_prismatic_joints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -19,7 +19,7 @@ import pytest
 
 from stickslip_ros.bags.simulated import RecordedJoint, write_simulation
 from stickslip_ros.cli.main import build_parser, main
-from stickslip_ros.cli.outputs import OutputBag, OutputFile, OutputFolder
+from stickslip_ros.cli.outputs import OutputFile, output_bag, output_folder
 from stickslip_ros.settings.known_joints import load_joint
 
 _JOINT = ["--model=puma560_joint1"]
@@ -71,7 +71,7 @@ def _bad_values(action: argparse.Action) -> tuple[str, ...]:
         return _NUMBERS
     if action.choices is not None:
         return ("nonsense",)
-    if isinstance(action.type, OutputFile | OutputFolder | OutputBag):
+    if isinstance(action.type, OutputFile) or action.type in (output_folder, output_bag):
         return ("", "no/such/file", "file.nonsense") if isinstance(action.type, OutputFile) else ("",)
     return _TEXTS
 

@@ -15,10 +15,10 @@ from bags.support_bags import simulated_bag, write_mcap
 
 from stickslip_ros.cli import analyze as analyze_command
 from stickslip_ros.cli.main import COMMANDS, build_parser, main
-from stickslip_ros.cli.outputs import OutputBag, OutputFile, OutputFolder
+from stickslip_ros.cli.outputs import OutputFile, output_bag, output_folder
 from stickslip_ros.files import write_whole
 
-KINDS = (OutputFile, OutputFolder, OutputBag)
+FUNCTIONS = (output_folder, output_bag)
 # Options and arguments that are paths, and are read.
 READ = {"trajectory", "bags", "before", "after", "parameters"}
 
@@ -33,7 +33,7 @@ OUTPUTS = [
     (command, action.option_strings[0], action.type)
     for command in COMMANDS
     for action in actions(command)
-    if isinstance(action.type, KINDS)
+    if isinstance(action.type, OutputFile) or action.type in FUNCTIONS
 ]
 IDS = [f"{command} {option}" for command, option, _ in OUTPUTS]
 
@@ -83,13 +83,7 @@ def arguments(command: str, option: str, path: Path) -> list[str]:
 
 
 def right_name(kind: Any) -> str:
-    return (
-        "new"
-        if isinstance(kind, OutputFolder)
-        else "new.mcap"
-        if isinstance(kind, OutputBag)
-        else f"new{kind.endings[0]}"
-    )
+    return "new" if kind is output_folder else "new.mcap" if kind is output_bag else f"new{kind.endings[0]}"
 
 
 @pytest.mark.parametrize(("command", "option", "kind"), OUTPUTS, ids=IDS)
@@ -101,7 +95,7 @@ def test_what_cannot_be_written_is_refused_before_the_work(
     (tmp_path / "file").write_text("")
     # Nobody, root neither, makes files there.
     wrong = [tmp_path / "file" / name, Path("/proc/self/fd") / name]
-    if not isinstance(kind, OutputFolder):
+    if kind is not output_folder:
         (tmp_path / f"folder{Path(name).suffix}").mkdir()
         wrong += [tmp_path / f"folder{Path(name).suffix}", tmp_path / "missing" / name, tmp_path / "a.xlsx"]
     else:

@@ -134,9 +134,9 @@ def test_names_are_text_and_nothing_else() -> None:
     hostile = "<img src=x onerror='alert(1)'>\""
     view = JointView(
         name=hostile, level=Level.ERROR, status=hostile, message=hostile, velocity=0.1, outcome=hostile, reserve=-0.5,
-        cycles=3, slip=0.01, history=np.zeros((0, 2)),
+        cycles=3, slip=0.01, history=np.zeros((0, 2)), values={"recommendation": hostile},
     )  # fmt: skip
-    for text in (joint_table([view], hostile), advice_text(view, {"recommendation": hostile})):
+    for text in (joint_table([view], hostile), advice_text(view)):
         assert "<img" not in text
         assert "&lt;img src=x onerror=&#x27;alert(1)&#x27;&gt;&quot;" in text
 
@@ -147,12 +147,12 @@ class Listener:
     def __init__(self) -> None:
         told = {key: value_text(value) for key, value in joint_values(load_joint("puma560_joint1").joint)}
         told |= {"velocity [rad/s]": "0.0058", "damping [N*m*s/rad]": "20"}
-        values = {name: told | {"stiffness [N*m/rad]": gain} for name, gain in (("a", "630"), ("b", "6300"))}
-        self.snapshot = Snapshot(values=values, joints=tuple(
+        gains = {"a": "630", "b": "6300"}
+        self.snapshot = Snapshot(joints=tuple(
             JointView(
                 name=name, level=Level.OK, status="smooth", message="", velocity=0.0058, outcome="", reserve=0.5,
-                cycles=0, slip=0.0, history=np.zeros((0, 2)),
-            ) for name in values
+                cycles=0, slip=0.0, history=np.zeros((0, 2)), values=told | {"stiffness [N*m/rad]": gain},
+            ) for name, gain in gains.items()
         ))  # fmt: skip
 
     def look_at(self, _: str) -> None:

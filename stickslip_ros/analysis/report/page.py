@@ -62,9 +62,8 @@ def write_page(path: Path, template: str, plots: Sequence[Plot], *, own_script: 
             document.add_root(figure)
     script, divs = components(figures) if plots else ("", ())
     library = "\n".join(Resources(mode="inline", components=["bokeh"]).js_raw) if plots else ""
-    folder = resources.files("stickslip_ros.analysis.report").joinpath("static")
     scripts = ("page.js", own_script) if own_script else ("page.js",)
-    style, *own = (folder.joinpath(name).read_text(encoding="utf-8") for name in ("style.css", *scripts))
+    style, *own = map(static_text, ("style.css", *scripts))
     environment = Environment(
         loader=PackageLoader("stickslip_ros.analysis.report"),
         autoescape=True,
@@ -93,6 +92,13 @@ def write_page(path: Path, template: str, plots: Sequence[Plot], *, own_script: 
         **values,
     )
     write_whole(path, page)
+
+
+def static_text(name: str) -> str:
+    """A style or a script of the pages, by the name of its file."""
+    return (
+        resources.files("stickslip_ros.analysis.report").joinpath("static").joinpath(name).read_text(encoding="utf-8")
+    )
 
 
 def number_text(value: float | None, form: str = ".3g", unit: str = "") -> str:

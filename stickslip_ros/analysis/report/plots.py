@@ -15,7 +15,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from bokeh.models import BoxAnnotation, ColumnDataSource, FixedTicker, HoverTool, Label, Range1d, Span
+from bokeh.models import BoxAnnotation, ColumnDataSource, FixedTicker, HoverTool, Label, Range1d, Span, Whisker
 from bokeh.plotting import figure
 from contourpy import contour_generator
 from scipy.ndimage import distance_transform_edt
@@ -25,9 +25,10 @@ from stickslip_ros.analysis.report.page import Plot
 from stickslip_ros.model.extinction_map import ExtinctionMap
 from stickslip_ros.model.friction import Gains, steady_friction
 from stickslip_ros.monitoring.detection.status import Status
+from stickslip_ros.monitoring.friction.dry_friction import DryFriction
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 from stickslip_ros.output.stability_map import MapSubject, map_of, subject_of
-from stickslip_ros.output.wording import with_prefix
+from stickslip_ros.output.wording import angle_text
 
 RED, AMBER, BLUE, GREEN, ORANGE, GREY = "#d1242f", "#bf8700", "#218bff", "#2da44e", "#e16f24", "#8c959f"
 INK = "#1b1f24"  # of what the page paints in the colour of its text
@@ -37,7 +38,13 @@ _MAP_POINTS = 900
 _BAND = (5.0, 95.0)  # per cent
 _CURVE = 300
 _FEW_DECADES = 2.5
+# Of dry friction, slip by slip.
+_LEAST_SLIPS = 8
+_LEAST_SPAN = 0.1  # of the largest value, that an axis covers
+_PER_PERIOD, _MOST_CURVE = 24, 3000  # points of a ripple
+_WAYS = ((1, BLUE, "forward"), (-1, ORANGE, "back"))
 _SMOOTHED = 5  # samples on either side, where a velocity has to be derived
+_LEAST_STEP = 1e-9  # [s] of them, where stamps hardly differ
 
 
 def new_figure(x: str, y: str | None, *, height: int = 320, log: bool = False, **more: Any) -> Any:
@@ -135,12 +142,12 @@ def error_plot(joint: JointAnalysis) -> Plot | None:
             _shade(plot, segment.start - joint.start, segment.end - joint.start, RED, 0.09)
     plot.varea(_small(time), _small(low), _small(high), color=BLUE, alpha=0.4)
     plot.line(_small(time), _small(0.5 * (low + high)), color=BLUE, line_width=1.5)
-    most = with_prefix(1e-3 * float(np.nanmax(np.abs([low, high]))), "rad")
+    most = angle_text(1e-3 * float(np.nanmax(np.abs([low, high]))))
     caption = f"{joint.name} is at most {most} from its reference."
     if joint.cycles:
         caption += (
             " Each jump is a slip, as a rule of "
-            f"{with_prefix(joint.usual_slip, 'rad')}; between them the joint stands while its reference goes on."
+            f"{angle_text(joint.usual_slip)}; between them the joint stands while its reference goes on."
         )
     return Plot(plot, "Steps: position minus reference", caption, wide=True)
 
@@ -182,7 +189,7 @@ def phase_plot(joint: JointAnalysis) -> Plot | None:
     part = samples.where(inside)
     if len(part) < 8:
         return None
-    velocity = _velocity(part)
+    velocity = velocity_of(part.time, part.position, part.velocity)
     direction = 1.0 if cycle.slip_distance > 0 else -1.0
     speed = _speed_of(part, cycle.mean_speed)
     error = direction * (part.position - _reference(part, direction * speed))
@@ -209,12 +216,13 @@ def phase_plot(joint: JointAnalysis) -> Plot | None:
     )
 
 
-def _velocity(part: Batch) -> FloatArray:
-    if np.isfinite(part.velocity).all():
-        return part.velocity
-    ahead = np.minimum(np.arange(len(part)) + _SMOOTHED, len(part) - 1)
-    behind = np.maximum(np.arange(len(part)) - _SMOOTHED, 0)
-    return np.asarray((part.position[ahead] - part.position[behind]) / (part.time[ahead] - part.time[behind]))
+def velocity_of(time: FloatArray, position: FloatArray, velocity: FloatArray) -> FloatArray:
+    """The velocity as it was measured, else from the positions."""
+    if np.isfinite(velocity).all():
+        return velocity
+    number = np.arange(len(time))
+    ahead, behind = np.minimum(number + _SMOOTHED, len(time) - 1), np.maximum(number - _SMOOTHED, 0)
+    return np.asarray((position[ahead] - position[behind]) / np.maximum(time[ahead] - time[behind], _LEAST_STEP))
 
 
 def _speed_of(part: Batch, otherwise: float) -> float:
@@ -372,4 +380,105 @@ def _boundary(x: FloatArray, y: FloatArray, field: FloatArray) -> Sequence[tuple
     return [(np.exp(line[:, 0]), np.exp(line[:, 1])) for line in lines]
 
 
-PLOTS = (position_plot, error_plot, close_up_plot, phase_plot, friction_plot, map_plot, advised_map_plot)
+def _dry_friction(joint: JointAnalysis) -> DryFriction | None:
+    estimate = joint.assessment.estimate
+    dry = estimate.dry if estimate is not None and estimate.usable else None
+    return dry if dry is not None and len(dry.kinetic) >= _LEAST_SLIPS else None
+
+
+def _show_in_proportion(plot: Any, dry: DryFriction) -> None:
+    """What hardly changes is to look so."""
+    low, high = float(dry.kinetic.min()), float(dry.kinetic.max())
+    room = max(0.1 * (high - low), 0.5 * (_LEAST_SPAN * max(abs(low), abs(high)) - (high - low)))
+    plot.y_range = Range1d(low - room, high + room)
+
+
+def _level(dry: DryFriction, way: int) -> float:
+    """Mean friction in a direction [N·m]."""
+    return dry.coulomb.value + (way * dry.load.value if dry.load is not None else 0.0)
+
+
+def position_dependence_plot(joint: JointAnalysis) -> Plot | None:
+    """Kinetic friction over position, in both directions: each slip, means of places, the ripple."""
+    dry = _dry_friction(joint)
+    if dry is None:
+        return None
+    plot = new_figure("position [rad]", "kinetic friction [N·m]")
+    for way, colour, name in _WAYS:
+        here = dry.direction == way
+        if not here.any():
+            continue
+        plot.scatter(dry.position[here], dry.kinetic[here], size=4, color=colour, alpha=0.4, legend_label=name)
+        if dry.ripple is not None:
+            x = _along(dry.position, dry.ripple.period)
+            plot.line(x, _level(dry, way) + dry.ripple.at(x), color=GREEN, line_width=1.5, legend_label="ripple")
+        places = [place for place in dry.places if place.direction == way]
+        errors = [place.std if math.isfinite(place.std) else 0.0 for place in places]
+        source = ColumnDataSource(
+            {
+                "position": [place.position for place in places],
+                "mean": [place.mean for place in places],
+                "low": [place.mean - error for place, error in zip(places, errors, strict=True)],
+                "high": [place.mean + error for place, error in zip(places, errors, strict=True)],
+            }
+        )
+        whisker = Whisker(source=source, base="position", lower="low", upper="high", line_color=colour, line_width=1.5)
+        whisker.upper_head.line_color = whisker.lower_head.line_color = colour
+        whisker.upper_head.size = whisker.lower_head.size = 6
+        plot.add_layout(whisker)
+        plot.scatter(
+            "position", "mean", source=source, size=8, color=colour, marker="square", legend_label=f"{name}, mean"
+        )
+    _show_in_proportion(plot, dry)
+    finish(plot)
+    ripple_text = "no period stands out of the scatter"
+    if dry.ripple is not None:
+        ripple_text = (
+            f"the curve is a ripple of ±{dry.ripple.amplitude:.2g} N·m, {1.0 / dry.ripple.period:.3g} times a radian"
+        )
+    return Plot(
+        plot,
+        "Friction over position",
+        f"Kinetic friction of {len(dry.kinetic)} slips against their direction, at the positions that they began from; "
+        f"squares are means of places with their standard errors; {ripple_text}.",
+    )
+
+
+def _along(position: FloatArray, period: float) -> FloatArray:
+    """Positions of a smooth curve [rad]."""
+    extent = float(np.ptp(position))
+    number = min(max(int(_PER_PERIOD * extent / period), 2), _MOST_CURVE)
+    return np.asarray(np.linspace(float(position.min()), float(position.max()), number))
+
+
+def time_dependence_plot(joint: JointAnalysis) -> Plot | None:
+    """Kinetic friction over time, in both directions: each slip, and the drift."""
+    dry = _dry_friction(joint)
+    if dry is None:
+        return None
+    plot = new_figure("time [s]", "kinetic friction [N·m]")
+    since = dry.time - joint.start
+    ends = np.array([since.min(), since.max()])
+    for way, colour, name in _WAYS:
+        here = dry.direction == way
+        if not here.any():
+            continue
+        plot.scatter(since[here], dry.kinetic[here], size=6, color=colour, legend_label=name)
+        if dry.drift is not None:
+            level = _level(dry, way) + dry.drift.value * (ends + joint.start - dry.middle)
+            plot.line(ends, level, color=GREEN, line_width=2, legend_label="drift")
+    _show_in_proportion(plot, dry)
+    finish(plot)
+    drift_text = "the line is its drift" if dry.drift is not None else "no drift stands out of the scatter"
+    return Plot(
+        plot,
+        "Friction over time",
+        f"Kinetic friction of {len(dry.kinetic)} slips against their direction, at the times that they began; "
+        f"{drift_text}.",
+    )
+
+
+PLOTS = (
+    position_plot, error_plot, close_up_plot, phase_plot, friction_plot, map_plot, advised_map_plot,
+    position_dependence_plot, time_dependence_plot,
+)  # fmt: skip

@@ -77,7 +77,6 @@ def _goodness(joint: JointAnalysis) -> tuple[float, int, int]:
 
 def _section(joint: JointAnalysis, *, with_compensation: bool) -> dict[str, Any]:
     """What the page has of one joint, beside what it is in words."""
-    from stickslip_ros.analysis.report.dry_friction_plots import DRY_FRICTION_PLOTS
     from stickslip_ros.analysis.report.plots import PLOTS
 
     compensation: tuple[CompensatedGains, ...] = ()
@@ -88,7 +87,7 @@ def _section(joint: JointAnalysis, *, with_compensation: bool) -> dict[str, Any]
         "joint": joint,
         "compensation": compensation,
         "compensation_words": compensation_words(compensation) if compensation else "",
-        "plots": [plot for make in (*PLOTS, *DRY_FRICTION_PLOTS) if (plot := make(joint)) is not None],
+        "plots": [plot for make in PLOTS if (plot := make(joint)) is not None],
         "parameters": _parameters(joint),
     }
 
