@@ -17,7 +17,7 @@ import numpy as np
 
 from stickslip_ros.messages import _gather_kernel as kernel
 from stickslip_ros.messages.blocks import Block, Bytes, FloatArray, Integers
-from stickslip_ros.messages.content import MessageError, check_joint_row
+from stickslip_ros.messages.content import MessageError
 
 TYPE = "sensor_msgs/msg/JointState"
 FIELDS = ("position", "velocity", "effort")
@@ -173,7 +173,11 @@ def _layout_of(message: bytes) -> _Layout:
             places.append(cursor.skip(8 * counts[-1], aligned_to=8))
     if len(message) - cursor.at >= _PADDING:
         raise MessageError(f"{len(message) - cursor.at} bytes are left over")
-    check_joint_row(names, dict(zip(FIELDS, counts, strict=True)))
+    for field, count in zip(FIELDS, counts, strict=True):
+        if count not in (0, named):
+            raise MessageError(f"{field} has {count} values for {named} names; it must have as many or none")
+    if len(set(names)) != named:
+        raise MessageError(f"a joint name occurs twice in {', '.join(names)}")
     mask = np.zeros(cursor.at, dtype=np.uint8)
     for begin, end in [(0, _ENCAPSULATION), *cursor.read]:
         mask[begin:end] = 0xFF

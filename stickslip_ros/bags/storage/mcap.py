@@ -12,15 +12,13 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import IO
+from typing import IO, NamedTuple
 
 import numpy as np
 
 from stickslip_ros.bags.storage import _record_kernel as kernel
-from stickslip_ros.bags.storage import mcap_records as records
 from stickslip_ros.bags.storage.bag_file import BagFile
-from stickslip_ros.bags.storage.mcap_records import Opcode
+from stickslip_ros.bags.storage.mcap_records import Fields, Opcode
 from stickslip_ros.bags.storage.unpacking import OPTION, Allowance
 from stickslip_ros.messages.blocks import Block, Bytes, Channel, Integers, Warn, counts_by_channel
 
@@ -31,16 +29,16 @@ _WINDOW = 1 << 20
 _LARGEST_RECORD = 1 << 30
 _OF_USE = (Opcode.MESSAGE, Opcode.CHUNK, Opcode.SCHEMA, Opcode.CHANNEL)
 _MOST_REPORTED = 3  # of what makes a file useless
-_MOST_CHANNELS = 1 << 16  # their numbers have 16 bits
 # What a damaged record makes its parser raise.
 _DAMAGE = (ValueError, EOFError, OverflowError, MemoryError)
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Summary:
-    channels: dict[int, Channel]
-    counts: dict[int, int]
-    chunks: list[records.ChunkIndex]
+class _Chunk(NamedTuple):
+    """Where a chunk is [bytes], and what channels have messages in it."""
+
+    begin: int
+    length: int
+    channels: frozenset[int]
 
 
 class McapStorage:
@@ -53,12 +51,9 @@ class McapStorage:
 
     def __init__(self, file: BagFile, warn: Warn) -> None:
         self._file, self._warn = file, warn
-        self._summary: _Summary | None = None
         self._channels: dict[int, Channel] = {}
-        # The same as flags, and those that blocks are wanted of: a file may have as many channels as messages.
-        self._known = np.zeros(_MOST_CHANNELS, dtype=np.bool_)
-        self._wanted: set[Channel] | None = None
-        self._yielded: dict[int, Channel] = {}
+        self._counts: dict[int, int] = {}  # of messages, by the index
+        self._chunks: list[_Chunk] = []  # by the index; without a sound one the file is read from the start
         self._schemas: dict[int, tuple[str, str, str]] = {}  # name, encoding and definition of each
         self._unknown = 0
 
@@ -74,19 +69,17 @@ class McapStorage:
             if stream.read(len(MAGIC)) != MAGIC:
                 raise ValueError("not an MCAP file: it does not begin with its magic bytes")
         if not self._file.packed:
-            self._summary = self._read_summary()
-        if self._summary is not None:
-            return counts_by_channel(self._summary.channels, self._summary.counts)
+            self._read_index()
+        if self._chunks:
+            return counts_by_channel(self._channels, self._counts)
         counts: dict[Channel, int] = {}
-        self._want(None)
         problems: list[str] = []
         warn, self._warn = self._warn, problems.append
         try:
             for block in self._from_start(lambda _: None):
                 for number, count in zip(*np.unique(block.channel, return_counts=True), strict=True):
-                    channel = block.channels.get(int(number))
-                    if channel is not None:
-                        counts[channel] = counts.get(channel, 0) + int(count)
+                    channel = block.channels[int(number)]
+                    counts[channel] = counts.get(channel, 0) + int(count)
         finally:
             # Problems are reported when the messages are read, unless there are none.
             self._warn = warn
@@ -98,80 +91,71 @@ class McapStorage:
     def blocks(self, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
         """See :class:`~stickslip_ros.messages.blocks.Storage`."""
         self._unknown = 0
-        self._want(wanted)
-        if self._summary is not None and self._summary.chunks:
-            yield from self._by_index(self._summary, wanted, progress)
-        else:
-            yield from self._from_start(progress)
+        yield from self._by_index(wanted, progress) if self._chunks else self._from_start(progress)
         if self._unknown:
             self._warn(f"{self._file.name}: {self._unknown} messages belong to no channel that is described")
 
-    def _want(self, wanted: set[Channel] | None) -> None:
-        """Of which channels blocks tell; None: of all."""
-        self._wanted = wanted
-        self._yielded = {number: one for number, one in self._channels.items() if wanted is None or one in wanted}
-
     # The index at the end.
 
-    def _read_summary(self) -> _Summary | None:
-        """The summary section, if it is there and sound."""
+    def _read_index(self) -> None:
+        """Read the summary section, if it is there and sound."""
         size, tail = self._file.size, _FOOTER + len(MAGIC)
         if size < len(MAGIC) + tail:
-            return None
+            return
         with self._file.open() as file:
             file.seek(size - tail)
             end = file.read(tail)
             if end[:9] != struct.pack("<BQ", Opcode.FOOTER, 20) or end[_FOOTER:] != MAGIC:
                 self._warn(f"{self._file.name}: not closed or cut off: it has no index; read as far as it goes")
-                return None
-            begin, expected = records.footer(end[9:])
+                return
+            begin, _, checksum = struct.unpack_from("<QQI", end, 9)
             if begin == 0:
-                return None
+                return
             try:
                 if not len(MAGIC) <= begin <= size - tail:
                     raise ValueError("it is elsewhere")
                 file.seek(begin)
                 content = file.read(size - tail - begin)
                 # Without a checksum the index may say anything; the data speak for themselves.
-                if expected == 0:
-                    return None
-                if zlib.crc32(end[: 9 + 16], zlib.crc32(content)) != expected:
+                if checksum == 0:
+                    return
+                if zlib.crc32(end[: 9 + 16], zlib.crc32(content)) != checksum:
                     raise ValueError("its checksum is wrong")
-                summary = self._parse_summary(content)
-                for chunk in summary.chunks:
+                chunks = sorted(self._chunks_of(content))
+                for chunk in chunks:
                     file.seek(chunk.begin)
                     if file.read(1) != bytes([Opcode.CHUNK]):
                         raise ValueError("there is no chunk where it names one")
             except _DAMAGE:
                 self._warn(f"{self._file.name}: its index is damaged; read from the start as far as it goes")
-                return None
+                return
             # What only the data describe, and chunks that do not say what they hold, are found by reading it all.
-            listed = [chunk.channels for chunk in summary.chunks]
-            return summary if listed and all(some and some <= set(summary.channels) for some in listed) else None
+            if all(chunk.channels and chunk.channels <= set(self._channels) for chunk in chunks):
+                self._chunks = chunks
 
-    def _parse_summary(self, content: bytes) -> _Summary:
+    def _chunks_of(self, content: bytes) -> Iterator[_Chunk]:
+        """The chunks that a summary section lists; its channels and counts are noted."""
         buffer = np.frombuffer(content, dtype=np.uint8)
-        chunks, counts = [], dict[int, int]()
-        for table in _tables(buffer):
-            for opcode, offset, length, _, _ in table.tolist():
-                if opcode == Opcode.CHUNK_INDEX:
-                    chunks.append(records.ChunkIndex.read(_content(buffer, offset, length)))
-                elif opcode == Opcode.STATISTICS:
-                    counts = records.messages_by_channel(_content(buffer, offset, length))
-                else:
-                    self._note(opcode, buffer, offset, length)
-        return _Summary(
-            channels=dict(self._channels),
-            counts=counts,
-            chunks=sorted(chunks),
-        )
+        tables, at, _, sound = _walk(buffer)
+        if not sound or at != len(buffer):
+            raise ValueError("damaged records")
+        for opcode, offset, length, _, _ in (row for table in tables for row in table.tolist()):
+            fields = Fields(_content(buffer, offset, length))
+            if opcode == Opcode.CHUNK_INDEX:
+                fields.data(16)  # first and last time
+                yield _Chunk(fields.number(8), fields.number(8), frozenset(fields.by_channel()))
+            elif opcode == Opcode.STATISTICS:
+                fields.data(42)  # totals, first and last time
+                self._counts = fields.by_channel()
+            else:
+                self._note(opcode, buffer, offset, length)
 
-    def _by_index(self, summary: _Summary, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
-        numbers = {number for number, channel in summary.channels.items() if channel in wanted}
+    def _by_index(self, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
+        numbers = {number for number, channel in self._channels.items() if channel in wanted}
         found = 0
         with self._file.open() as file:
             at = 0
-            for index in summary.chunks:
+            for index in self._chunks:
                 progress(index.begin + index.length - at)
                 at = index.begin + index.length
                 if numbers.isdisjoint(index.channels):
@@ -184,9 +168,9 @@ class McapStorage:
                 for block in self._chunk(record[9:], index.begin):
                     found += int(np.isin(block.channel, list(numbers)).sum())
                     yield block
-            expected = sum(summary.counts.get(number, 0) for number in numbers)
+            expected = sum(self._counts.get(number, 0) for number in numbers)
         progress(self._file.size - at)
-        if found < expected and summary.counts:
+        if found < expected:
             self._warn(f"{self._file.name}: {expected - found} of {expected} messages could not be read")
 
     def _lost(self, offset: int, why: str) -> str:
@@ -289,7 +273,7 @@ class McapStorage:
         """Remember schemas and channels."""
         if opcode not in (Opcode.SCHEMA, Opcode.CHANNEL):
             return
-        fields = records.Fields(_content(buffer, offset, length))
+        fields = Fields(_content(buffer, offset, length))
         number = fields.number(2)
         if opcode == Opcode.SCHEMA:
             name, encoding = fields.text(), fields.text()
@@ -298,25 +282,21 @@ class McapStorage:
             return
         kind, schema_encoding, schema = self._schemas.get(fields.number(2), ("", "", ""))
         topic, encoding = fields.text(), fields.text()
-        channel = Channel(topic=topic, type=kind, encoding=encoding, schema_encoding=schema_encoding, schema=schema)
-        self._channels[number] = channel
-        self._known[number] = True
-        # Blocks that were given before keep what they were given with.
-        if self._wanted is None or channel in self._wanted:
-            if self._yielded.get(number, channel) != channel:
-                self._yielded = dict(self._yielded)
-            self._yielded[number] = channel
-        elif number in self._yielded:
-            self._yielded = {other: one for other, one in self._yielded.items() if other != number}
+        self._channels[number] = Channel(
+            topic=topic, type=kind, encoding=encoding, schema_encoding=schema_encoding, schema=schema
+        )
 
     def _block(self, buffer: Bytes, table: Integers) -> Block:
-        known = self._known[table[:, kernel.CHANNEL]]
-        if not known.all():
+        # Only its own channels: a file may have as many as messages, and describe one anew further on.
+        numbers = np.unique(table[:, kernel.CHANNEL]).tolist()
+        channels = {number: self._channels[number] for number in numbers if number in self._channels}
+        if len(channels) < len(numbers):
+            known = np.isin(table[:, kernel.CHANNEL], list(channels))
             self._unknown += int((~known).sum())
             table = table[known]
         return Block(
             buffer=buffer,
-            channels=self._yielded,
+            channels=channels,
             channel=table[:, kernel.CHANNEL],
             offset=np.ascontiguousarray(table[:, kernel.OFFSET]),
             length=np.ascontiguousarray(table[:, kernel.LENGTH]),
@@ -349,13 +329,6 @@ def _walk(buffer: Bytes) -> tuple[list[Integers], int, int, bool]:
             return tables, int(at), int(needed), bool(sound)
 
 
-def _tables(buffer: Bytes) -> list[Integers]:
-    tables, at, _, sound = _walk(buffer)
-    if not sound or at != len(buffer):
-        raise ValueError("damaged records")
-    return tables
-
-
 def _unpacked(content: bytes, allowance: Allowance) -> bytes:
     """The records that a chunk holds.
 
@@ -364,7 +337,7 @@ def _unpacked(content: bytes, allowance: Allowance) -> bytes:
     ValueError
         If they are not what their length and checksum say.
     """
-    fields = records.Fields(content)
+    fields = Fields(content)
     fields.data(16)  # first and last time
     size, checksum, compression = fields.number(8), fields.number(4), fields.text()
     data = fields.data(fields.number(8))

@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import NamedTuple
 
 import numpy as np
 
@@ -56,32 +55,3 @@ class Fields:
         """A number for each channel."""
         table = np.frombuffer(self.data(self.number(4)), dtype=_BY_CHANNEL)
         return dict(zip(table["channel"].tolist(), table["value"].tolist(), strict=True))
-
-
-class ChunkIndex(NamedTuple):
-    """Where a chunk is [bytes], and what channels have messages in it."""
-
-    begin: int
-    length: int
-    channels: frozenset[int]
-
-    @staticmethod
-    def read(content: bytes) -> ChunkIndex:
-        """The record; ValueError if it is damaged, as of all of them."""
-        fields = Fields(content)
-        fields.data(16)  # first and last time
-        return ChunkIndex(fields.number(8), fields.number(8), frozenset(fields.by_channel()))
-
-
-def footer(content: bytes) -> tuple[int, int]:
-    """Where the summary begins [bytes], and its checksum; 0 where there is none."""
-    fields = Fields(content)
-    summary, _, checksum = fields.number(8), fields.number(8), fields.number(4)
-    return summary, checksum
-
-
-def messages_by_channel(content: bytes) -> dict[int, int]:
-    """Numbers of messages, of a record of statistics."""
-    fields = Fields(content)
-    fields.data(42)  # totals, first and last time
-    return fields.by_channel()
