@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stickslip_ros.bags.simulated import GAINS, LAST_STAMP, REFERENCES, STATES
 from stickslip_ros.bags.storage.unpacking import UnpackLimit
@@ -24,14 +23,8 @@ from stickslip_ros.monitoring.samples import Batch, FloatArray
 FIRST_STAMP = 1.0  # [s] of a recording whose times begin at zero: a stamp of zero means that there is none
 
 
-def _with_stamp(time: FloatArray, start: float) -> NDArray[np.bool_]:
-    """Which times [s] are stamps that a message can have, once ``start`` is added."""
-    stamps = time + start
-    return np.asarray((stamps >= 0.0) & (stamps <= LAST_STAMP))
-
-
-def joint_state_streams(batches: Mapping[str, Batch], start: float) -> dict[str, Iterator[Serialized]]:
-    """Joint states and, if there are any, references of joints as serialized JointStates, by topic.
+def _streams(batches: Mapping[str, Batch], start: float) -> tuple[FloatArray, dict[str, Iterator[Serialized]]]:
+    """Stamps [s]; joint states and, if there are any, references of joints as serialized JointStates, by topic.
 
     Parameters
     ----------
@@ -39,9 +32,9 @@ def joint_state_streams(batches: Mapping[str, Batch], start: float) -> dict[str,
     start : what is added to the times [s].
     """
     names = tuple(batches)
-    time = batches[names[0]].time
-    known = _with_stamp(time, start)
-    times = time[known] + start
+    times = batches[names[0]].time + start
+    known = (times >= 0.0) & (times <= LAST_STAMP)
+    times = times[known]
     parts = [batch.where(known) for batch in batches.values()]
     nothing = np.full(len(times), np.nan)
     states = np.stack([np.stack([one.position, one.velocity, one.effort], axis=1) for one in parts], axis=2)
@@ -52,7 +45,7 @@ def joint_state_streams(batches: Mapping[str, Batch], start: float) -> dict[str,
     if np.isfinite(references).any():
         # Before the samples that they are the references of.
         streams = {REFERENCES: serialized_joint_states(REFERENCES, names, times, references), **streams}
-    return streams
+    return times, streams
 
 
 def write_recording(
@@ -78,9 +71,7 @@ def write_recording(
         If there is a directory of that name already.
     """
     names = tuple(batches)
-    time = batches[names[0]].time
-    times = time[_with_stamp(time, start)] + start
-    streams = joint_state_streams(batches, start)
+    times, streams = _streams(batches, start)
     # The states' channel is the first in the file.
     topics = {topic: JOINT_STATE for topic in (STATES, REFERENCES) if topic in streams}
     if gains is not None:
@@ -119,7 +110,7 @@ class EpisodeStorage:
         for note in table.notes:
             warn(note)
         # Times of an episode begin at zero, which as a stamp means that there is none.
-        streams = joint_state_streams(table.batches, FIRST_STAMP)
+        _, streams = _streams(table.batches, FIRST_STAMP)
         self._channels = {
             number: Channel(topic=topic, type=JOINT_STATE, encoding="cdr", schema_encoding="", schema="")
             for number, topic in enumerate(streams)

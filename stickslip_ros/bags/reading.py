@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from stickslip_ros.bags.decoding import Decoder
+from stickslip_ros.bags.decoding import Decoder, why_unreadable
 from stickslip_ros.bags.storage.bag import Bag
 from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table import RecordingError
@@ -129,7 +129,12 @@ class BagReader:
         self._bag, self._robots = bag, dict(robots)
         every = list(robots.values())
         self._channels = set[Channel]().union(*(topics.all for topics in every))
-        self._descriptions = {one for one in bag.channels() if _is_description(one)}
+        self._descriptions = {
+            one
+            for one in bag.channels()
+            if one.type == content.DESCRIPTION_TYPE and one.topic.endswith(content.DESCRIPTION)
+            if not why_unreadable(one)
+        }
         self._channels |= self._descriptions
         self._fast = {
             channel: JointStateDecoder()
@@ -304,17 +309,6 @@ class BagReader:
             self.replaced[f"{channel.topic}: {reason}"] += count
 
         return replace
-
-
-def _is_description(channel: Channel) -> bool:
-    """Whether a channel has descriptions of a robot that can be read."""
-    if channel.type != content.DESCRIPTION_TYPE or not channel.topic.endswith(content.DESCRIPTION):
-        return False
-    try:
-        Decoder(channel)
-    except MessageError:
-        return False
-    return True
 
 
 def _full_name(robot: str, joint: str) -> str:

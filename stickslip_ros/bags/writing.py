@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from stickslip_ros.bags.decoding import types_of_ros
 from stickslip_ros.bags.storage.formats import METADATA
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.errors import InvalidParameterError, optional_packages
@@ -51,7 +52,8 @@ class BagWriter:
     def __init__(self, path: Path, topics: Mapping[str, str], compression: str = "zstd") -> None:
         with optional_packages(f"bag {path}: writing it"):
             from mcap.writer import CompressionType, Writer
-            from rosbags.typesys import Stores, get_typestore
+
+            self._store: Any = types_of_ros()
         if compression not in COMPRESSIONS:
             raise InvalidParameterError("compression", f"one of {', '.join(COMPRESSIONS)}", compression)
         self._directory = path if path.suffix != ".mcap" else None
@@ -62,7 +64,6 @@ class BagWriter:
             path = self._directory / f"{path.name}_0.mcap"
         self._path = path
         self._topics = dict(topics)
-        self._store: Any = get_typestore(Stores.ROS2_JAZZY)
         self._counts: Counter[str] = Counter()
         self._first, self._last = 1 << 63, 0
         self._stack = ExitStack()
@@ -135,7 +136,7 @@ class BagWriter:
 
     def _metadata(self) -> dict[str, Any]:
         begin = self._first if self._counts else 0
-        duration = max(self._last - begin, 0)
+        duration, count = max(self._last - begin, 0), sum(self._counts.values())
         topics = [
             {
                 "topic_metadata": {
@@ -153,7 +154,7 @@ class BagWriter:
             "storage_identifier": "mcap",
             "duration": {"nanoseconds": duration},
             "starting_time": {"nanoseconds_since_epoch": begin},
-            "message_count": sum(self._counts.values()),
+            "message_count": count,
             "topics_with_message_count": topics,
             "compression_format": "",
             "compression_mode": "",
@@ -163,7 +164,7 @@ class BagWriter:
                     "path": self._path.name,
                     "starting_time": {"nanoseconds_since_epoch": begin},
                     "duration": {"nanoseconds": duration},
-                    "message_count": sum(self._counts.values()),
+                    "message_count": count,
                 }
             ],
         }
@@ -179,9 +180,7 @@ def serialized_joint_states(
     times : stamps [s], of shape (n,). values : position, velocity and effort, of shape (n, 3, joints); a field that is
         NaN throughout is left out, as publishers do.
     """
-    from rosbags.typesys import Stores, get_typestore
-
-    store = get_typestore(Stores.ROS2_JAZZY)
+    store = types_of_ros()
     present = [bool(np.isfinite(values[:, index]).any()) for index in range(len(FIELDS))]
     blank = {name: np.zeros(len(names) if there else 0) for name, there in zip(FIELDS, present, strict=True)}
     stamp = store.types["builtin_interfaces/msg/Time"](sec=0, nanosec=0)

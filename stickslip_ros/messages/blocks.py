@@ -119,7 +119,7 @@ class Storage(Protocol):
     """One file of a bag."""
 
     def channels(self) -> dict[Channel, int]:
-        """The channels, and how many messages each has; -1 where that is not known."""
+        """The channels, and how many messages each has."""
 
     def blocks(self, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
         """The messages of the wanted channels, perhaps with others among them.
