@@ -11,7 +11,6 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -62,14 +61,14 @@ class GainEvents:
 
     Parameters
     ----------
+    topics : of the robot that gains have to be of.
     controller : the node whose events count; None for every node, of which the first that has gains of a joint counts.
-    is_of_robot : says of a node whether its gains are about the robot; None if it cannot be told.
 
     ``refused`` counts what was left out, and why; ``nodes`` are those that have gains.
     """
 
-    def __init__(self, controller: str | None, is_of_robot: Callable[[str], bool | None] = lambda _: True) -> None:
-        self._controller, self._is_of_robot = controller, is_of_robot
+    def __init__(self, topics: Topics, controller: str | None) -> None:
+        self._topics, self._controller = topics, controller
         self._heard: dict[str, HeardGains] = {}
         self._owner: dict[str, str] = {}
         self.refused: Counter[str] = Counter()
@@ -81,9 +80,12 @@ class GainEvents:
         parameters = {str(one.name): one.value for one in (*event.new_parameters, *event.changed_parameters)}
         if any(joint_and_kind(name) is not None for name in parameters):
             self.nodes.add(node)
-        of_robot = self._is_of_robot(node)
-        if (self._controller is not None and node != self._controller) or of_robot is False:
+        spaces = self._topics.namespaces
+        space = nearest_namespace(node, spaces)
+        if self._controller not in (None, node) or space not in (None, self._topics.namespace):
             return {}
+        # One that was chosen is everybody's.
+        of_no_robot = bool(spaces) and space is None and self._controller is None
         heard = self._heard.setdefault(node, HeardGains())
         if any(name in parameters for name in INTERFACES):
             heard.refusal = why_not_taken(parameters)
@@ -95,7 +97,7 @@ class GainEvents:
             if heard.refusal:
                 self.refused[f"gains of {node}: {heard.refusal}"] += 1
                 continue
-            if of_robot is None:
+            if of_no_robot:
                 self.refused[f"gains of {node}: it is in no robot's namespace (choose with --controller)"] += 1
                 continue
             joint, kind = found
@@ -143,9 +145,7 @@ class BagReader:
             if channel.type == joint_states.TYPE
         }
         self._slow = {channel: Decoder(channel) for channel in self._channels if channel.type != joint_states.TYPE}
-        self._events = {
-            name: GainEvents(controller, partial(is_of_robot, topics, controller)) for name, topics in robots.items()
-        }
+        self._events = {name: GainEvents(topics, controller) for name, topics in robots.items()}
         self._refused: Counter[str] = Counter()
         self._wholes, self._reference_wholes = WholeTurns(), WholeTurns()
         self.replaced: Counter[str] = Counter()
@@ -313,17 +313,6 @@ class BagReader:
 
 def _full_name(robot: str, joint: str) -> str:
     return visible(f"{robot}/{joint}" if robot else joint)
-
-
-def is_of_robot(topics: Topics, controller: str | None, node: str) -> bool | None:
-    """Whether a node's parameters are about a robot: the only one, or that in whose namespace the node is."""
-    if not topics.namespaces:
-        return True
-    space = nearest_namespace(node, topics.namespaces)
-    if space is None:
-        # One that was chosen is everybody's.
-        return True if node == controller else None
-    return space == topics.namespace
 
 
 def read_joint_with_gains(

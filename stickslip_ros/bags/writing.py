@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import heapq
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -20,10 +20,14 @@ from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.errors import InvalidParameterError, optional_packages
 from stickslip_ros.files import whole_file, write_whole
 from stickslip_ros.interrupts import check
+from stickslip_ros.messages.content import DESCRIPTION, robot_description
 from stickslip_ros.messages.joint_states import FIELDS, places_of_values
 from stickslip_ros.messages.joint_states import TYPE as JOINT_STATE
-from stickslip_ros.monitoring.samples import FloatArray
+from stickslip_ros.model.friction import Gains
+from stickslip_ros.monitoring.samples import Batch, FloatArray
 
+STATES, REFERENCES, GAINS = "/joint_states", "/joint_references", "/pd_gains"
+LAST_STAMP = 2.0**31 - 1.0  # [s]
 COMPRESSIONS = ("zstd", "lz4", "none")
 _CHUNK_SIZE = 1 << 20
 
@@ -196,3 +200,74 @@ def serialized_joint_states(
         rows[:, place : place + column.shape[1] * 8] = column.view(np.uint8)
     for time, row in zip(nanoseconds.tolist(), rows, strict=True):
         yield time, topic, row.tobytes()
+
+
+def joint_state_streams(
+    batches: Mapping[str, Batch], start: float
+) -> tuple[FloatArray, dict[str, Iterator[Serialized]]]:
+    """Stamps [s]; joint states and, if there are any, references of joints as serialized JointStates, by topic.
+
+    Parameters
+    ----------
+    batches : of each joint, all of the same times; samples whose time no stamp can be are left out.
+    start : what is added to the times [s].
+    """
+    names = tuple(batches)
+    times = batches[names[0]].time + start
+    known = (times >= 0.0) & (times <= LAST_STAMP)
+    times = times[known]
+    parts = [batch.where(known) for batch in batches.values()]
+    nothing = np.full(len(times), np.nan)
+    states = np.stack([np.stack([one.position, one.velocity, one.effort], axis=1) for one in parts], axis=2)
+    references = np.stack(
+        [np.stack([one.reference_position, one.reference_velocity, nothing], axis=1) for one in parts], axis=2
+    )
+    streams = {STATES: serialized_joint_states(STATES, names, times, states)}
+    if np.isfinite(references).any():
+        # Before the samples that they are the references of.
+        streams = {REFERENCES: serialized_joint_states(REFERENCES, names, times, references), **streams}
+    return times, streams
+
+
+def write_recording(
+    path: Path,
+    batches: Mapping[str, Batch],
+    start: float,
+    gains: Gains | None = None,
+    compression: str = "zstd",
+    *,
+    prismatic: Sequence[str] = (),
+) -> int:
+    """Write samples of joints as a bag; returns how many of each.
+
+    Parameters
+    ----------
+    batches : of each joint, all of the same times; samples whose time no stamp can be are left out.
+    start : what is added to the times [s]. gains : of each joint's controller then, None if unknown.
+    prismatic : joints whose positions are in metres, which the bag says by a description of the robot.
+
+    Raises
+    ------
+    RecordingError
+        If there is a directory of that name already.
+    """
+    names = tuple(batches)
+    times, streams = joint_state_streams(batches, start)
+    # The states' channel is the first in the file.
+    topics = {topic: JOINT_STATE for topic in (STATES, REFERENCES) if topic in streams}
+    if gains is not None:
+        topics[GAINS] = "std_msgs/msg/Float64MultiArray"
+    if prismatic:
+        topics[DESCRIPTION] = "std_msgs/msg/String"
+    with BagWriter(path, topics, compression) as writer:
+        if prismatic and len(times):
+            text = writer.message("std_msgs/msg/String", data=robot_description(names, prismatic))
+            writer.write([writer.serialized(round(float(times[0]) * 1e9), DESCRIPTION, text)])
+        if gains is not None and len(times):
+            kinds = {"p": gains.stiffness, "i": gains.integral, "d": gains.damping}
+            kinds = {kind: gain for kind, gain in kinds.items() if kind != "i" or gain}
+            values = np.tile([float(value) for value in kinds.values()], (len(names), 1))
+            table = writer.table(",".join(names), ",".join(kinds), values)
+            writer.write([writer.serialized(round(float(times[0]) * 1e9), GAINS, table)])
+        writer.write(*streams.values())
+    return len(times)

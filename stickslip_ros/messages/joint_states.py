@@ -69,35 +69,27 @@ class JointStateDecoder:
     def decode(self, block: Block, chosen: Integers) -> list[JointRows]:
         """The messages of a block that are chosen by their numbers, those of one layout together."""
         found: list[JointRows] = []
-        left = chosen
-        for layout in list(self._layouts):
-            left = self._decode_layout(layout, block, chosen, left, found)
+        left, known = chosen, iter(self._layouts)
         while len(left):
-            try:
-                layout = _layout_of(block.message(int(left[0])))
-            except MessageError as error:
-                self.refused[str(error)] += 1
-                left = left[1:]
-                continue
-            self.fields |= {name for name, there in zip(FIELDS, layout.present, strict=True) if there}
-            self._layouts = [*self._layouts[-_LAYOUTS_KEPT + 1 :], layout]
-            left = self._decode_layout(layout, block, chosen, left, found)
+            layout = next(known, None)
+            if layout is None:
+                try:
+                    layout = _layout_of(block.message(int(left[0])))
+                except MessageError as error:
+                    self.refused[str(error)] += 1
+                    left = left[1:]
+                    continue
+                self.fields |= {name for name, there in zip(FIELDS, layout.present, strict=True) if there}
+                self._layouts = [*self._layouts[-_LAYOUTS_KEPT + 1 :], layout]
+            offsets = block.offset[left]
+            same = kernel.matching(
+                block.buffer, offsets, block.length[left], layout.template, layout.mask,
+                layout.length, layout.length + _PADDING - 1,
+            )  # fmt: skip
+            if same.any():
+                found.append(_rows(layout, block, offsets[same], np.searchsorted(chosen, left[same])))
+            left = left[~same]
         return found
-
-    def _decode_layout(
-        self, layout: _Layout, block: Block, chosen: Integers, left: Integers, found: list[JointRows]
-    ) -> Integers:
-        if not len(left):
-            return left
-        offsets = block.offset[left]
-        same = kernel.matching(
-            block.buffer, offsets, block.length[left], layout.template, layout.mask,
-            layout.length, layout.length + _PADDING - 1,
-        )  # fmt: skip
-        if same.any():
-            found.append(_rows(layout, block, offsets[same], np.searchsorted(chosen, left[same])))
-        remaining: Integers = left[~same]
-        return remaining
 
 
 def _rows(layout: _Layout, block: Block, offsets: Integers, index: Integers) -> JointRows:

@@ -12,13 +12,13 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Callable, Iterator
+from enum import IntEnum
 from typing import IO, NamedTuple
 
 import numpy as np
 
 from stickslip_ros.bags.storage import _record_kernel as kernel
 from stickslip_ros.bags.storage.bag_file import BagFile
-from stickslip_ros.bags.storage.mcap_records import Fields, Opcode
 from stickslip_ros.bags.storage.unpacking import OPTION, Allowance
 from stickslip_ros.messages.blocks import Block, Bytes, Channel, Integers, Warn, counts_by_channel
 
@@ -27,10 +27,26 @@ _FOOTER = 9 + 20
 _TABLE_ROWS = 1 << 16
 _WINDOW = 1 << 20
 _LARGEST_RECORD = 1 << 30
-_OF_USE = (Opcode.MESSAGE, Opcode.CHUNK, Opcode.SCHEMA, Opcode.CHANNEL)
 _MOST_REPORTED = 3  # of what makes a file useless
+_BY_CHANNEL = np.dtype([("channel", "<u2"), ("value", "<u8")])
 # What a damaged record makes its parser raise.
 _DAMAGE = (ValueError, EOFError, OverflowError, MemoryError)
+
+
+class _Opcode(IntEnum):
+    """Kinds of records."""
+
+    FOOTER = 0x02
+    SCHEMA = 0x03
+    CHANNEL = 0x04
+    MESSAGE = 0x05
+    CHUNK = 0x06
+    CHUNK_INDEX = 0x08
+    STATISTICS = 0x0B
+    DATA_END = 0x0F
+
+
+_OF_USE = (_Opcode.MESSAGE, _Opcode.CHUNK, _Opcode.SCHEMA, _Opcode.CHANNEL)
 
 
 class _Chunk(NamedTuple):
@@ -105,7 +121,7 @@ class McapStorage:
         with self._file.open() as file:
             file.seek(size - tail)
             end = file.read(tail)
-            if end[:9] != struct.pack("<BQ", Opcode.FOOTER, 20) or end[_FOOTER:] != MAGIC:
+            if end[:9] != struct.pack("<BQ", _Opcode.FOOTER, 20) or end[_FOOTER:] != MAGIC:
                 self._warn(f"{self._file.name}: not closed or cut off: it has no index; read as far as it goes")
                 return
             begin, _, checksum = struct.unpack_from("<QQI", end, 9)
@@ -124,7 +140,7 @@ class McapStorage:
                 chunks = sorted(self._chunks_of(content))
                 for chunk in chunks:
                     file.seek(chunk.begin)
-                    if file.read(1) != bytes([Opcode.CHUNK]):
+                    if file.read(1) != bytes([_Opcode.CHUNK]):
                         raise ValueError("there is no chunk where it names one")
             except _DAMAGE:
                 self._warn(f"{self._file.name}: its index is damaged; read from the start as far as it goes")
@@ -140,11 +156,11 @@ class McapStorage:
         if not sound or at != len(buffer):
             raise ValueError("damaged records")
         for opcode, offset, length, _, _ in (row for table in tables for row in table.tolist()):
-            fields = Fields(_content(buffer, offset, length))
-            if opcode == Opcode.CHUNK_INDEX:
+            fields = _Fields(_content(buffer, offset, length))
+            if opcode == _Opcode.CHUNK_INDEX:
                 fields.data(16)  # first and last time
                 yield _Chunk(fields.number(8), fields.number(8), frozenset(fields.by_channel()))
-            elif opcode == Opcode.STATISTICS:
+            elif opcode == _Opcode.STATISTICS:
                 fields.data(42)  # totals, first and last time
                 self._counts = fields.by_channel()
             else:
@@ -204,7 +220,7 @@ class McapStorage:
             buffer = np.frombuffer(window, dtype=np.uint8)
             tables, at, needed, sound = _walk(buffer)
             for table in tables:
-                end = table[np.isin(table[:, kernel.OPCODE], (Opcode.DATA_END, Opcode.FOOTER))]
+                end = table[np.isin(table[:, kernel.OPCODE], (_Opcode.DATA_END, _Opcode.FOOTER))]
                 if len(end):
                     stop = int(end[0, kernel.OFFSET]) - 9
                     yield from self._records(buffer, table[table[:, kernel.OFFSET] < stop], position)
@@ -225,7 +241,7 @@ class McapStorage:
                 return
 
     def _check_data(self, buffer: Bytes, end: Integers, checksum: int) -> None:
-        if end[kernel.OPCODE] == Opcode.DATA_END and end[kernel.LENGTH] >= 4:
+        if end[kernel.OPCODE] == _Opcode.DATA_END and end[kernel.LENGTH] >= 4:
             expected = int.from_bytes(_content(buffer, int(end[kernel.OFFSET]), 4), "little")
             if expected not in (0, checksum):
                 self._warn(f"{self._file.name}: its checksum is wrong: some data are damaged, and results with them")
@@ -235,7 +251,7 @@ class McapStorage:
         # Of records that say nothing here a file may have millions.
         table = table[np.isin(table[:, kernel.OPCODE], _OF_USE)]
         opcodes = table[:, kernel.OPCODE]
-        others = np.flatnonzero(opcodes != Opcode.MESSAGE)
+        others = np.flatnonzero(opcodes != _Opcode.MESSAGE)
         begin = 0
         for number in [*others.tolist(), len(table)]:
             if number > begin:
@@ -243,7 +259,7 @@ class McapStorage:
             begin = number + 1
             if number < len(table):
                 opcode, offset, length, _, _ = table[number].tolist()
-                if opcode == Opcode.CHUNK:
+                if opcode == _Opcode.CHUNK:
                     yield from self._chunk(buffer[offset : offset + length].tobytes(), position + offset - 9)
                 else:
                     try:
@@ -265,17 +281,17 @@ class McapStorage:
         buffer = np.frombuffer(unpacked, dtype=np.uint8)
         tables, at, _, sound = _walk(buffer)
         for table in tables:
-            yield from self._records(buffer, table[table[:, kernel.OPCODE] != Opcode.CHUNK], offset)
+            yield from self._records(buffer, table[table[:, kernel.OPCODE] != _Opcode.CHUNK], offset)
         if not sound or at != len(buffer):
             self._warn(f"{self._file.name}: the chunk at byte {offset} is damaged; the end of it is lost")
 
     def _note(self, opcode: int, buffer: Bytes, offset: int, length: int) -> None:
         """Remember schemas and channels."""
-        if opcode not in (Opcode.SCHEMA, Opcode.CHANNEL):
+        if opcode not in (_Opcode.SCHEMA, _Opcode.CHANNEL):
             return
-        fields = Fields(_content(buffer, offset, length))
+        fields = _Fields(_content(buffer, offset, length))
         number = fields.number(2)
-        if opcode == Opcode.SCHEMA:
+        if opcode == _Opcode.SCHEMA:
             name, encoding = fields.text(), fields.text()
             definition = fields.data(fields.number(4)).decode("utf-8", errors="replace")
             self._schemas[number] = name, encoding, definition
@@ -337,7 +353,7 @@ def _unpacked(content: bytes, allowance: Allowance) -> bytes:
     ValueError
         If they are not what their length and checksum say.
     """
-    fields = Fields(content)
+    fields = _Fields(content)
     fields.data(16)  # first and last time
     size, checksum, compression = fields.number(8), fields.number(4), fields.text()
     data = fields.data(fields.number(8))
@@ -350,3 +366,36 @@ def _unpacked(content: bytes, allowance: Allowance) -> bytes:
     if checksum and zlib.crc32(unpacked) != checksum:
         raise ValueError("its checksum is wrong")
     return unpacked
+
+
+class _Fields:
+    """The fields of a record, in their order.
+
+    Raises
+    ------
+    ValueError
+        From every method, if the record ends before the field does.
+    """
+
+    def __init__(self, content: bytes) -> None:
+        self._content, self._at = content, 0
+
+    def data(self, size: int) -> bytes:
+        """The next bytes."""
+        begin, self._at = self._at, self._at + size
+        if self._at > len(self._content):
+            raise ValueError("it ends in the midst of a field")
+        return self._content[begin : self._at]
+
+    def number(self, size: int) -> int:
+        """An integer of so many bytes."""
+        return int.from_bytes(self.data(size), "little")
+
+    def text(self) -> str:
+        """A text, after its length."""
+        return self.data(self.number(4)).decode()
+
+    def by_channel(self) -> dict[int, int]:
+        """A number for each channel."""
+        table = np.frombuffer(self.data(self.number(4)), dtype=_BY_CHANNEL)
+        return dict(zip(table["channel"].tolist(), table["value"].tolist(), strict=True))

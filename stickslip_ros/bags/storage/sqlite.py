@@ -48,12 +48,13 @@ class SqliteStorage:
         try:
             with self._open() as database:
                 schemas = _definitions(database)
-                self._channels = {
-                    int(number): _channel(str(topic), str(kind), str(encoding), schemas)
-                    for number, topic, kind, encoding in database.execute(
-                        "SELECT id, name, type, serialization_format FROM topics ORDER BY id"
-                    )
-                }
+                rows = database.execute("SELECT id, name, type, serialization_format FROM topics ORDER BY id")
+                for number, topic, kind, encoding in rows:
+                    schema_encoding, schema = schemas.get(str(kind), ("", ""))
+                    self._channels[int(number)] = Channel(
+                        topic=str(topic), type=str(kind), encoding=str(encoding),
+                        schema_encoding=schema_encoding, schema=schema,
+                    )  # fmt: skip
                 try:
                     self._counts = dict(database.execute("SELECT topic_id, count(*) FROM messages GROUP BY topic_id"))
                 except sqlite3.DatabaseError:
@@ -131,22 +132,10 @@ def _check_table(database: sqlite3.Connection, table: str, columns: tuple[str, .
 
 
 def _definitions(database: sqlite3.Connection) -> dict[str, tuple[str, str]]:
-    """Encoding and text of each type's definition; bags of before Iron have none."""
+    """Encoding and text of each type's definition, where that is known; bags of before Iron have none."""
     try:
         _check_table(database, "message_definitions", _DEFINITIONS)
     except ValueError:
         return {}
     rows: Any = database.execute(f"SELECT {', '.join(_DEFINITIONS)} FROM message_definitions ORDER BY id DESC")
-    return {str(kind): (str(encoding), str(text)) for kind, encoding, text in rows}
-
-
-def _channel(topic: str, kind: str, serialization: str, schemas: dict[str, tuple[str, str]]) -> Channel:
-    encoding, schema = schemas.get(kind, ("", ""))
-    known = encoding in _ENCODINGS
-    return Channel(
-        topic=topic,
-        type=kind,
-        encoding=serialization,
-        schema_encoding=encoding if known else "",
-        schema=schema if known else "",
-    )
+    return {str(kind): (encoding, str(text)) if encoding in _ENCODINGS else ("", "") for kind, encoding, text in rows}
