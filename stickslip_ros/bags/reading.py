@@ -26,7 +26,7 @@ from stickslip_ros.messages.blocks import Block, Channel, Integers
 from stickslip_ros.messages.content import MessageError
 from stickslip_ros.messages.gain_layouts import INTERFACES, why_not_taken
 from stickslip_ros.messages.gain_parameters import HeardGains, gain_value, joint_and_kind
-from stickslip_ros.messages.joint_states import JointRows, JointStateDecoder, rows_by_joint
+from stickslip_ros.messages.joint_states import JointStateDecoder, rows_by_joint
 from stickslip_ros.messages.whole_turns import WRAPS, WholeTurns
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.reference_pairing import ReferencePairing
@@ -277,7 +277,7 @@ class BagReader:
     def _joint_states(self, channel: Channel, block: Block, chosen: Integers) -> tuple[dict[str, FloatArray], float]:
         """Rows of each joint, and time of recording less stamp of the first [s]."""
         found = self._fast[channel].decode(block, chosen) if len(chosen) else []
-        times = [self._times(channel, rows, block, chosen) for rows in found]
+        times = [self._times(channel, rows.time, block.log_time[chosen[rows.index]]) for rows in found]
         clock = np.nan
         if found:
             clock = 1e-9 * float(block.log_time[chosen[found[0].index[0]]]) - float(times[0][0])
@@ -289,26 +289,21 @@ class BagReader:
         def read(message: Any) -> tuple[float, dict[str, tuple[float, float]]]:
             return content.seconds(message.header.stamp), content.reference_rows(message)
 
-        for number, (stamp, rows_of) in self._decoded(channel, block, chosen, read):
-            recorded = 1e-9 * float(block.log_time[number])
-            time = content.with_time(stamp, recorded, _INSTEAD, self._replacing(channel))
+        decoded = list(self._decoded(channel, block, chosen, read))
+        stamps = np.array([stamp for _, (stamp, _) in decoded])
+        times = self._times(channel, stamps, block.log_time[[number for number, _ in decoded]])
+        for time, (_, (_, rows_of)) in zip(times.tolist(), decoded, strict=True):
             for joint, (position, velocity) in rows_of.items():
                 listed.setdefault(joint, []).append((time, position, velocity))
         return {joint: np.array(rows) for joint, rows in listed.items()}
 
-    def _times(self, channel: Channel, rows: JointRows, block: Block, chosen: Integers) -> FloatArray:
-        """Stamps, or the times of recording where there are none."""
+    def _times(self, channel: Channel, stamps: FloatArray, recorded: Integers) -> FloatArray:
+        """Stamps [s], or the times of recording [ns] where there are none."""
 
-        def recorded() -> FloatArray:
-            return np.asarray(1e-9 * block.log_time[chosen[rows.index]])
-
-        return content.with_times(rows.time, recorded, _INSTEAD, self._replacing(channel))
-
-    def _replacing(self, channel: Channel) -> Callable[[str, int], None]:
         def replace(reason: str, count: int) -> None:
             self.replaced[f"{channel.topic}: {reason}"] += count
 
-        return replace
+        return content.with_times(stamps, np.asarray(1e-9 * recorded), _INSTEAD, replace)
 
 
 def _full_name(robot: str, joint: str) -> str:

@@ -35,9 +35,7 @@ def seconds(stamp: Any) -> float:
     return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
 
 
-def with_times(
-    stamps: FloatArray, others: Callable[[], FloatArray], what: str, refuse: Callable[[str, int], None]
-) -> FloatArray:
+def with_times(stamps: FloatArray, others: FloatArray, what: str, refuse: Callable[[str, int], None]) -> FloatArray:
     """Stamps [s]; the other times where a stamp is zero, which means that nobody set it.
 
     Parameters
@@ -48,12 +46,12 @@ def with_times(
     if not unset.any():
         return stamps
     refuse(f"stamp is zero; the time of {what} is used instead", int(unset.sum()))
-    return np.where(unset, others(), stamps)
+    return np.where(unset, others, stamps)
 
 
 def with_time(stamp: float, other: float, what: str, refuse: Callable[[str, int], None]) -> float:
     """One stamp [s], or the other time; see :func:`with_times`."""
-    return float(with_times(np.array([stamp]), lambda: np.array([other]), what, refuse)[0])
+    return float(with_times(np.array([stamp]), np.array([other]), what, refuse)[0])
 
 
 def gains_from_message(message: Any) -> dict[str, Gains]:

@@ -15,7 +15,7 @@ from typing import Any
 from urllib.parse import quote
 
 from stickslip_ros.bags.storage.bag_file import BagFile
-from stickslip_ros.messages.blocks import Block, Channel, Warn, blocks_of, counts_by_channel
+from stickslip_ros.messages.blocks import Block, Channel, Warn, blocks_of, counts_by_channel, with_progress
 
 _ENCODINGS = ("ros2msg", "ros2idl")
 _COLUMNS = {"topics": ("id", "name", "type", "serialization_format"), "messages": ("topic_id", "timestamp", "data")}
@@ -67,20 +67,19 @@ class SqliteStorage:
     def blocks(self, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
         """See :class:`~stickslip_ros.messages.blocks.Storage`."""
         numbers = {number: channel for number, channel in self._channels.items() if channel in wanted}
-        size, reported, taken = self._path.stat().st_size, 0, 0
-        total = max(sum(self._counts.get(number, 0) for number in numbers), 1)
-        if not numbers:
-            return
+        total = sum(self._counts.get(number, 0) for number in numbers)
+        if numbers:
+            yield from with_progress(self._read(numbers), total, self._path.stat().st_size, progress)
+
+    def _read(self, channels: dict[int, Channel]) -> Iterator[Block]:
+        count = 0
         try:
             with self._open() as database:
-                for block in blocks_of(self._messages(database, set(numbers)), numbers):
+                for block in blocks_of(self._messages(database, set(channels)), channels):
+                    count += len(block)
                     yield block
-                    taken += len(block)
-                    progress(size * min(taken, total) // total - reported)
-                    reported = size * min(taken, total) // total
         except _DAMAGE as error:
-            self._warn(f"{self._name}: reading stopped after {taken} messages: {' '.join(str(error).split())}")
-        progress(size - reported)
+            self._warn(f"{self._name}: reading stopped after {count} messages: {' '.join(str(error).split())}")
 
     @contextmanager
     def _open(self) -> Iterator[sqlite3.Connection]:
