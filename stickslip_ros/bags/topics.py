@@ -158,6 +158,9 @@ class _Candidates:
     def controller_states(self) -> list[Channel]:
         return self.of_type(*REFERENCE_TYPES)
 
+    def usable_controller_states(self) -> list[Channel]:
+        return [channel for channel in self.controller_states() if _usable(channel, self.notes)]
+
     def gains(self, choice: TopicChoice) -> list[Channel]:
         """Those of gains: the one that was chosen, else those of the usual name."""
         gains = self.of_type(GAINS_TYPE)
@@ -190,14 +193,14 @@ class _Candidates:
 
 
 def _topics_of_one(candidates: _Candidates, states: Channel, choice: TopicChoice) -> Topics:
-    notes, named = candidates.notes, candidates.named
+    named = candidates.named
     if choice.references is not None:
         references = [candidates.reference(one.rpartition("=")[2]) for one in choice.references]
     else:
         near = [channel for channel in named if _folder(channel) == _folder(states)] or named
         if near:
             candidates.only(near, "references", "--references")
-        references = near or [channel for channel in candidates.controller_states() if _usable(channel, notes)]
+        references = near or candidates.usable_controller_states()
     gains = candidates.gains(choice)
     gains = [channel for channel in gains if _folder(channel) == _folder(states)] or gains
     if gains:
@@ -207,23 +210,22 @@ def _topics_of_one(candidates: _Candidates, states: Channel, choice: TopicChoice
         references=tuple(references),
         gains=tuple(gains),
         events=tuple(candidates.of_type(EVENTS_TYPE)),
-        notes=tuple(notes),
+        notes=tuple(candidates.notes),
     )
 
 
 def _topics_of_several(candidates: _Candidates, states: Sequence[Channel], choice: TopicChoice) -> dict[str, Topics]:
     robots = dict(zip(_robot_names(states), states, strict=True))
     namespaces = tuple(dict.fromkeys(_folder(channel) for channel in states))
-    notes = list(candidates.notes)
     references, leaders = _chosen_references(candidates, robots, choice), dict[str, Channel]()
     if references is None:
-        references = _references_by_namespace(candidates, robots, namespaces, notes)
-        leaders = {name: one for name, one in _leaders(robots, notes).items() if not references[name]}
+        references = _references_by_namespace(candidates, robots, namespaces)
+        leaders = {name: one for name, one in _leaders(robots, candidates.notes).items() if not references[name]}
         references |= {name: [one] for name, one in leaders.items()}
     else:
         leads = set(states)
         leaders = {name: one for name, some in references.items() for one in some if one in leads}
-    gains = _gains_by_namespace(candidates, robots, namespaces, choice, notes)
+    gains = _gains_by_namespace(candidates, robots, namespaces, choice)
     # What was noted of the bag as a whole stands with the first.
     return {
         name: Topics(
@@ -231,7 +233,7 @@ def _topics_of_several(candidates: _Candidates, states: Sequence[Channel], choic
             references=tuple(references[name]),
             gains=tuple(gains[name]),
             events=tuple(candidates.of_type(EVENTS_TYPE)),
-            notes=tuple(notes) if number == 0 else (),
+            notes=tuple(candidates.notes) if number == 0 else (),
             leader=leaders.get(name),
             namespaces=namespaces,
         )
@@ -288,17 +290,17 @@ def _chosen_references(
 
 
 def _references_by_namespace(
-    candidates: _Candidates, robots: Mapping[str, Channel], namespaces: Sequence[str], notes: list[str]
+    candidates: _Candidates, robots: Mapping[str, Channel], namespaces: Sequence[str]
 ) -> dict[str, list[Channel]]:
     found: dict[str, list[Channel]] = {name: [] for name in robots}
-    usable = [channel for channel in candidates.controller_states() if _usable(channel, notes)]
+    usable = candidates.usable_controller_states()
     for name, states in robots.items():
         named = [one for one in candidates.named if nearest_namespace(one.topic, namespaces) == _folder(states)]
         named = [one for one in named if _folder(one) == _folder(states)] or named
         # Robots whose topics lie side by side in one namespace cannot be told apart by it.
         if len(named) > 1 or (named and _shared(states, robots)):
             listed = candidates.listed(named)
-            notes.append(f"references of {name} could be {listed}: choose with --references {name}=TOPIC")
+            candidates.notes.append(f"references of {name} could be {listed}: choose with --references {name}=TOPIC")
             continue
         found[name] = named or [
             one
@@ -307,7 +309,8 @@ def _references_by_namespace(
         ]
     for one in (*candidates.named, *usable):
         if nearest_namespace(one.topic, namespaces) is None:
-            notes.append(f"{one.topic} is in no robot's namespace: left out (choose with --references ROBOT=TOPIC)")
+            left_out = f"{one.topic} is in no robot's namespace: left out (choose with --references ROBOT=TOPIC)"
+            candidates.notes.append(left_out)
     return found
 
 
@@ -316,18 +319,15 @@ def _shared(states: Channel, robots: Mapping[str, Channel]) -> bool:
 
 
 def _gains_by_namespace(
-    candidates: _Candidates,
-    robots: Mapping[str, Channel],
-    namespaces: Sequence[str],
-    choice: TopicChoice,
-    notes: list[str],
+    candidates: _Candidates, robots: Mapping[str, Channel], namespaces: Sequence[str], choice: TopicChoice
 ) -> dict[str, list[Channel]]:
     found: dict[str, list[Channel]] = {name: [] for name in robots}
     for one in candidates.gains(choice):
         space = nearest_namespace(one.topic, namespaces)
         owners = [name for name, states in robots.items() if _folder(states) == space]
         if not owners and choice.gains is None:
-            notes.append(f"{one.topic} is in no robot's namespace: left out (choose with --gains-topic)")
+            left_out = f"{one.topic} is in no robot's namespace: left out (choose with --gains-topic)"
+            candidates.notes.append(left_out)
         # What was chosen although it is in no namespace is everybody's.
         for name in owners or (robots if choice.gains is not None else ()):
             found[name].append(one)

@@ -36,20 +36,15 @@ class EpisodeStorage:
             warn(note)
         # Times of an episode begin at zero, which as a stamp means that there is none.
         _, streams = joint_state_streams(table.batches, _FIRST_STAMP)
-        self._channels = {
-            number: Channel(topic=topic, type=JOINT_STATE, encoding="cdr", schema_encoding="", schema="")
-            for number, topic in enumerate(streams)
-        }
-        self._messages = [
-            [(time, number, data) for time, _, data in stream] for number, stream in enumerate(streams.values())
-        ]
+        self._messages = {Channel(topic=topic, type=JOINT_STATE): list(stream) for topic, stream in streams.items()}
 
     def channels(self) -> dict[Channel, int]:
         """See :class:`~stickslip_ros.messages.blocks.Storage`."""
-        return {channel: len(self._messages[number]) for number, channel in self._channels.items()}
+        return {channel: len(messages) for channel, messages in self._messages.items()}
 
     def blocks(self, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
         """See :class:`~stickslip_ros.messages.blocks.Storage`."""
-        chosen = [some for number, some in enumerate(self._messages) if self._channels[number] in wanted]
-        merged = heapq.merge(*chosen, key=lambda one: one[0])
-        yield from blocks_of(((number, time, data) for time, number, data in merged), self._channels)
+        chosen = [channel for channel in self._messages if channel in wanted]
+        numbers = {channel.topic: number for number, channel in enumerate(chosen)}
+        merged = heapq.merge(*(self._messages[channel] for channel in chosen), key=lambda one: one[0])
+        yield from blocks_of(((numbers[topic], time, data) for time, topic, data in merged), dict(enumerate(chosen)))
