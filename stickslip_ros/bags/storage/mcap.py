@@ -304,10 +304,11 @@ class McapStorage:
 
     def _block(self, buffer: Bytes, table: Integers) -> Block:
         # Only its own channels: a file may have as many as messages, and describe one anew further on.
-        numbers = np.unique(table[:, kernel.CHANNEL]).tolist()
+        column, least = table[:, kernel.CHANNEL], table[:, kernel.CHANNEL].min()
+        numbers = (least + np.flatnonzero(np.bincount(column - least))).tolist()  # np.unique takes five times as long
         channels = {number: self._channels[number] for number in numbers if number in self._channels}
         if len(channels) < len(numbers):
-            known = np.isin(table[:, kernel.CHANNEL], list(channels))
+            known = np.isin(column, list(channels))
             self._unknown += int((~known).sum())
             table = table[known]
         return Block(
