@@ -24,7 +24,7 @@ def test_a_stamp_of_zero_is_none() -> None:
         told[reason] += count
 
     stamps = np.array([0.0, 5.0, 0.0])
-    assert with_times(stamps, lambda: np.array([1.0, 2.0, 3.0]), "arrival", refuse).tolist() == [1.0, 5.0, 3.0]
+    assert with_times(stamps, np.array([1.0, 2.0, 3.0]), "arrival", refuse).tolist() == [1.0, 5.0, 3.0]
     assert with_time(4.0, 9.0, "arrival", refuse) == 4.0
     assert with_time(0.0, 9.0, "recording", refuse) == 9.0
     assert told == {

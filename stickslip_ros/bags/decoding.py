@@ -48,9 +48,9 @@ class Decoder:
         if self._type not in self._store.fielddefs:
             raise MessageError(f"the bag does not define {channel.type}; record it with its package installed")
 
-    def fields(self, type_name: str | None = None) -> list[str]:
-        """Names of a type's fields, in order."""
-        return [name for name, _ in self._store.fielddefs[type_name or self._type][1]]
+    def fields(self) -> list[str]:
+        """Names of the type's fields, in order."""
+        return [name for name, _ in self._store.fielddefs[self._type][1]]
 
     def decode(self, message: bytes) -> Any:
         """One message.
@@ -67,6 +67,15 @@ class Decoder:
         except Exception as error:
             # What damaged bytes make generated code raise cannot be listed.
             raise MessageError(f"it is no {self._type}") from error
+
+
+def why_unreadable(channel: Channel) -> str:
+    """Why the messages of a channel cannot be decoded, "" if they can."""
+    try:
+        Decoder(channel)
+    except MessageError as error:
+        return str(error)
+    return ""
 
 
 class _InstalledType:

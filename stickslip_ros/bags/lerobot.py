@@ -72,8 +72,7 @@ def episodes(folder: Path) -> list[Path]:
     numbers: set[int] = set()
     damaged = []
     for file in _data_files(folder):
-        found = _EPISODE.fullmatch(file.stem)
-        there = {int(found[1])} if found is not None else _numbers_in(file)
+        there = _numbers_in(file)
         numbers |= there
         damaged += [] if there else [file]
     return [*(folder / f"episode_{number:06d}" for number in sorted(numbers)[:_MOST_EPISODES]), *damaged]
@@ -91,8 +90,7 @@ def files_of_episode(path: Path) -> list[Path]:
     assert episode is not None
     folder, number = episode
     for file in _data_files(folder):
-        found = _EPISODE.fullmatch(file.stem)
-        if (found is not None and int(found[1]) == number) or (found is None and number in _numbers_in(file)):
+        if number in _numbers_in(file):
             return [file, folder / _INFO]
     raise ValueError(f"the data set {folder} has no episode {number}")
 
@@ -107,14 +105,13 @@ def open_episode(path: Path, limit: UnpackLimit) -> Iterator[EpisodeFile]:
         If a file of it cannot be opened.
     ValueError
         If there is no such episode, or its files are damaged or unpack to more than they may.
-    MissingPackageError
+    ImportError
         If the package pyarrow is missing.
     """
     file, info = files_of_episode(path)
-    episode = episode_of(path)
-    assert episode is not None
+    number = int(path.name.removeprefix("episode_"))
     with open_regular(file) as stream:
-        yield EpisodeFile(stream, limit.of_table(file.stat().st_size), episode[1], _features(info))
+        yield EpisodeFile(stream, limit.of_table(file.stat().st_size), number, _features(info))
 
 
 class EpisodeFile(ParquetFile):
@@ -214,14 +211,17 @@ def _data_files(folder: Path) -> list[Path]:
 
 
 def _numbers_in(file: Path) -> frozenset[int]:
-    """The episodes that a file holds; none if it is damaged."""
+    """The episodes that a file holds: the one of its name, else those of its rows; none if it is damaged."""
+    found = _EPISODE.fullmatch(file.stem)
+    if found is not None:
+        return frozenset([int(found[1])])
     state = file.stat()
     return _numbers_as_of(file, state.st_mtime_ns, state.st_size)
 
 
 @lru_cache(maxsize=_FILES_KNOWN)
 def _numbers_as_of(file: Path, modified: int, size: int) -> frozenset[int]:
-    """The same of a file as it was modified at a time [ns], with a size [bytes]."""
+    """The episodes of a file's rows, as it was modified at a time [ns], with a size [bytes]."""
     try:
         with open_regular(file) as stream:
             table = ParquetFile(stream, UnpackLimit().of_table(size))

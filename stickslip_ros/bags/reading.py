@@ -11,13 +11,12 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from stickslip_ros.bags.decoding import Decoder
+from stickslip_ros.bags.decoding import Decoder, why_unreadable
 from stickslip_ros.bags.storage.bag import Bag
 from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table import RecordingError
@@ -27,7 +26,7 @@ from stickslip_ros.messages.blocks import Block, Channel, Integers
 from stickslip_ros.messages.content import MessageError
 from stickslip_ros.messages.gain_layouts import INTERFACES, why_not_taken
 from stickslip_ros.messages.gain_parameters import HeardGains, gain_value, joint_and_kind
-from stickslip_ros.messages.joint_states import JointRows, JointStateDecoder, rows_by_joint
+from stickslip_ros.messages.joint_states import JointStateDecoder, rows_by_joint
 from stickslip_ros.messages.whole_turns import WRAPS, WholeTurns
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.reference_pairing import ReferencePairing
@@ -62,14 +61,14 @@ class GainEvents:
 
     Parameters
     ----------
+    topics : of the robot that gains have to be of.
     controller : the node whose events count; None for every node, of which the first that has gains of a joint counts.
-    is_of_robot : says of a node whether its gains are about the robot; None if it cannot be told.
 
     ``refused`` counts what was left out, and why; ``nodes`` are those that have gains.
     """
 
-    def __init__(self, controller: str | None, is_of_robot: Callable[[str], bool | None] = lambda _: True) -> None:
-        self._controller, self._is_of_robot = controller, is_of_robot
+    def __init__(self, topics: Topics, controller: str | None) -> None:
+        self._topics, self._controller = topics, controller
         self._heard: dict[str, HeardGains] = {}
         self._owner: dict[str, str] = {}
         self.refused: Counter[str] = Counter()
@@ -81,9 +80,12 @@ class GainEvents:
         parameters = {str(one.name): one.value for one in (*event.new_parameters, *event.changed_parameters)}
         if any(joint_and_kind(name) is not None for name in parameters):
             self.nodes.add(node)
-        of_robot = self._is_of_robot(node)
-        if (self._controller is not None and node != self._controller) or of_robot is False:
+        spaces = self._topics.namespaces
+        space = nearest_namespace(node, spaces)
+        if self._controller not in (None, node) or space not in (None, self._topics.namespace):
             return {}
+        # One that was chosen is everybody's.
+        of_no_robot = bool(spaces) and space is None and self._controller is None
         heard = self._heard.setdefault(node, HeardGains())
         if any(name in parameters for name in INTERFACES):
             heard.refusal = why_not_taken(parameters)
@@ -95,7 +97,7 @@ class GainEvents:
             if heard.refusal:
                 self.refused[f"gains of {node}: {heard.refusal}"] += 1
                 continue
-            if of_robot is None:
+            if of_no_robot:
                 self.refused[f"gains of {node}: it is in no robot's namespace (choose with --controller)"] += 1
                 continue
             joint, kind = found
@@ -129,7 +131,12 @@ class BagReader:
         self._bag, self._robots = bag, dict(robots)
         every = list(robots.values())
         self._channels = set[Channel]().union(*(topics.all for topics in every))
-        self._descriptions = {one for one in bag.channels() if _is_description(one)}
+        self._descriptions = {
+            one
+            for one in bag.channels()
+            if one.type == content.DESCRIPTION_TYPE and one.topic.endswith(content.DESCRIPTION)
+            if not why_unreadable(one)
+        }
         self._channels |= self._descriptions
         self._fast = {
             channel: JointStateDecoder()
@@ -138,9 +145,7 @@ class BagReader:
             if channel.type == joint_states.TYPE
         }
         self._slow = {channel: Decoder(channel) for channel in self._channels if channel.type != joint_states.TYPE}
-        self._events = {
-            name: GainEvents(controller, partial(is_of_robot, topics, controller)) for name, topics in robots.items()
-        }
+        self._events = {name: GainEvents(topics, controller) for name, topics in robots.items()}
         self._refused: Counter[str] = Counter()
         self._wholes, self._reference_wholes = WholeTurns(), WholeTurns()
         self.replaced: Counter[str] = Counter()
@@ -272,7 +277,7 @@ class BagReader:
     def _joint_states(self, channel: Channel, block: Block, chosen: Integers) -> tuple[dict[str, FloatArray], float]:
         """Rows of each joint, and time of recording less stamp of the first [s]."""
         found = self._fast[channel].decode(block, chosen) if len(chosen) else []
-        times = [self._times(channel, rows, block, chosen) for rows in found]
+        times = [self._times(channel, rows.time, block.log_time[chosen[rows.index]]) for rows in found]
         clock = np.nan
         if found:
             clock = 1e-9 * float(block.log_time[chosen[found[0].index[0]]]) - float(times[0][0])
@@ -284,52 +289,25 @@ class BagReader:
         def read(message: Any) -> tuple[float, dict[str, tuple[float, float]]]:
             return content.seconds(message.header.stamp), content.reference_rows(message)
 
-        for number, (stamp, rows_of) in self._decoded(channel, block, chosen, read):
-            recorded = 1e-9 * float(block.log_time[number])
-            time = content.with_time(stamp, recorded, _INSTEAD, self._replacing(channel))
+        decoded = list(self._decoded(channel, block, chosen, read))
+        stamps = np.array([stamp for _, (stamp, _) in decoded])
+        times = self._times(channel, stamps, block.log_time[[number for number, _ in decoded]])
+        for time, (_, (_, rows_of)) in zip(times.tolist(), decoded, strict=True):
             for joint, (position, velocity) in rows_of.items():
                 listed.setdefault(joint, []).append((time, position, velocity))
         return {joint: np.array(rows) for joint, rows in listed.items()}
 
-    def _times(self, channel: Channel, rows: JointRows, block: Block, chosen: Integers) -> FloatArray:
-        """Stamps, or the times of recording where there are none."""
+    def _times(self, channel: Channel, stamps: FloatArray, recorded: Integers) -> FloatArray:
+        """Stamps [s], or the times of recording [ns] where there are none."""
 
-        def recorded() -> FloatArray:
-            return np.asarray(1e-9 * block.log_time[chosen[rows.index]])
-
-        return content.with_times(rows.time, recorded, _INSTEAD, self._replacing(channel))
-
-    def _replacing(self, channel: Channel) -> Callable[[str, int], None]:
         def replace(reason: str, count: int) -> None:
             self.replaced[f"{channel.topic}: {reason}"] += count
 
-        return replace
-
-
-def _is_description(channel: Channel) -> bool:
-    """Whether a channel has descriptions of a robot that can be read."""
-    if channel.type != content.DESCRIPTION_TYPE or not channel.topic.endswith(content.DESCRIPTION):
-        return False
-    try:
-        Decoder(channel)
-    except MessageError:
-        return False
-    return True
+        return content.with_times(stamps, np.asarray(1e-9 * recorded), _INSTEAD, replace)
 
 
 def _full_name(robot: str, joint: str) -> str:
     return visible(f"{robot}/{joint}" if robot else joint)
-
-
-def is_of_robot(topics: Topics, controller: str | None, node: str) -> bool | None:
-    """Whether a node's parameters are about a robot: the only one, or that in whose namespace the node is."""
-    if not topics.namespaces:
-        return True
-    space = nearest_namespace(node, topics.namespaces)
-    if space is None:
-        # One that was chosen is everybody's.
-        return True if node == controller else None
-    return space == topics.namespace
 
 
 def read_joint_with_gains(

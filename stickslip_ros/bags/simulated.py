@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stickslip_ros.bags.writing import BagWriter, serialized_joint_states
+from stickslip_ros.bags.writing import GAINS, LAST_STAMP, REFERENCES, STATES, BagWriter, serialized_joint_states
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.messages.joint_states import TYPE as JOINT_STATE
 from stickslip_ros.model._validation import require_not_negative, require_positive
@@ -20,8 +20,6 @@ from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.monitoring.samples import FloatArray
 
-STATES, REFERENCES, GAINS = "/joint_states", "/joint_references", "/pd_gains"
-LAST_STAMP = 2.0**31 - 1.0  # [s]
 # Of a sample, in a message of states and one of references [bytes].
 _A_MESSAGE, _A_NAME, _VALUES_OF_A_JOINT = 110, 16, 40
 _AT_ONCE = 10_000  # samples that are simulated and written at once

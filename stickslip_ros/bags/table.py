@@ -28,8 +28,8 @@ from stickslip_ros.bags.table_columns import (
     factor_of,
     hint,
 )
-from stickslip_ros.bags.table_files import SUFFIXES, MissingPackageError, TableFile, open_table
-from stickslip_ros.errors import StickSlipError, reason
+from stickslip_ros.bags.table_files import SUFFIXES, TableFile, open_table
+from stickslip_ros.errors import StickSlipError, optional_packages, reason
 from stickslip_ros.model.bounds import LARGEST
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 from stickslip_ros.settings.known_joints import config_folder
@@ -128,13 +128,13 @@ def load_table(path: Path, named: Sequence[Named] = (), limit: UnpackLimit | Non
     ------
     RecordingError
         If the file cannot be read, has no time or position column, or a column or unit named is not there.
+    StickSlipError
+        If the package pyarrow is missing, which it needs.
     """
     try:
         opened = open_table if episode_of(path) is None else open_episode
-        with opened(path, limit or UnpackLimit()) as file:
+        with optional_packages(f"recording {path}: reading it"), opened(path, limit or UnpackLimit()) as file:
             return _read(path, file, named)
-    except MissingPackageError as error:
-        raise RecordingError(f"recording {path}: {error}") from error
     except (*_DAMAGE, OSError) as error:
         raise RecordingError(f"recording {path}: {_one_line(error)}") from error
 

@@ -75,7 +75,6 @@ _DESIRED_PLACES = ("reference", "ref", "goal", "target", "setpoint")
 _GAINS = frozenset({"p", "i", "i_clamp", "i_clamp_min", "i_clamp_max", "i_max", "i_min", "antiwindup"})
 _DERIVATIVE_GAIN = "d"  # which is also what is desired, as in q_d, unless other gains stand beside it
 _MEASURED = ("measured", "meas", "actual", "act", "feedback", "fbk", "present", "current")
-_AFTER_KIND = (_DERIVATIVE_GAIN,)  # desired, as in q_d
 _FILTERED = ("filtered", "filt")  # where the same is there unfiltered, that serves
 # Of efforts that there are the first one serves: what the motor gave, or was told to give.
 _EFFORTS = (("effort",), _MEASURED, ("friction",), _DESIRED, ("torque", "torques", "tau", "moment"), ())
@@ -155,7 +154,7 @@ def meaning(name: str) -> Column | None:
     after = max(taken) + 1
     if "_".join(lower[after:]) in _GAINS:
         return None
-    if after < len(lower) and lower[after] in _AFTER_KIND and kind in _REFERENCES:
+    if after < len(lower) and lower[after] == _DERIVATIVE_GAIN and kind in _REFERENCES:
         desired = [*desired, after]
     field = _REFERENCES.get(kind, kind) if desired else kind
     filtered = _where(lower, _FILTERED)

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from stickslip_ros.bags import table_text
 from stickslip_ros.bags.storage.unpacking import TooMuchUnpackedError, UnpackLimit
 from stickslip_ros.bags.table_columns import Named
-from stickslip_ros.errors import needs
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.regular_files import open_regular
 
@@ -33,10 +32,6 @@ _BAD_VALUE = re.compile(r"In CSV column #(\d+): Row #(\d+): .*invalid value '(.*
 _BAD_ROW = re.compile(r"CSV parse error: Row #(\d+): Expected (\d+) columns, got (\d+)")
 _BYTES_OF_A_VALUE = 8
 _NAME_OF_A_JOINT = re.compile(r"(?:^|[./])(?:joint_)?names?\[?(\d+)\]?$")  # a column of joints' names in a message
-
-
-class MissingPackageError(Exception):
-    """A table cannot be read without a package that is not there."""
 
 
 class TableFile:
@@ -83,8 +78,8 @@ def open_table(path: Path, limit: UnpackLimit) -> Iterator[TableFile]:
         If it cannot be opened.
     ValueError
         If it is no table, or unpacks to more than it may.
-    MissingPackageError
-        If it needs the package pyarrow.
+    ImportError
+        If the package pyarrow is missing, which it needs.
     """
     with open_regular(path) as file:
         if path.suffix == ".npz":
@@ -96,13 +91,11 @@ def open_table(path: Path, limit: UnpackLimit) -> Iterator[TableFile]:
 
 
 def _pyarrow() -> Any:
-    try:
-        import pyarrow
-        import pyarrow.compute
-        import pyarrow.csv
-        import pyarrow.parquet
-    except ImportError as error:
-        raise MissingPackageError(f"reading it {needs(error)}") from error
+    import pyarrow
+    import pyarrow.compute
+    import pyarrow.csv
+    import pyarrow.parquet
+
     # It cancels what it reads when a signal comes, and that would be said of the table.
     pyarrow.enable_signal_handlers(False)
     return pyarrow
@@ -214,17 +207,14 @@ class _Text(TableFile):
 def _numbers(arrow: Any, column: Any) -> FloatArray:
     """A column of pyarrow's as numbers; dates and times of the day as seconds."""
     if arrow.types.is_time(column.type):
-        return 1e-9 * _plain(column.cast(arrow.int64()).cast(arrow.float64()))
+        return 1e-9 * np.asarray(column.cast(arrow.int64()).cast(arrow.float64()), dtype=float)
     if arrow.types.is_timestamp(column.type):
         whole = column.cast(arrow.timestamp("ns", column.type.tz)).cast(arrow.int64())
-        seconds, rest = arrow.compute.divide(whole, 10**9), whole
+        seconds = arrow.compute.divide(whole, 10**9)
         rest = arrow.compute.subtract(whole, arrow.compute.multiply(seconds, 10**9))
-        return _plain(seconds.cast(arrow.float64())) + 1e-9 * _plain(rest.cast(arrow.float64()))
-    return _plain(column.cast(arrow.float64(), safe=False))
-
-
-def _plain(column: Any) -> FloatArray:
-    return np.asarray(column.to_numpy(zero_copy_only=False) if hasattr(column, "chunks") else column, dtype=float)
+        begin, beyond = (np.asarray(part.cast(arrow.float64()), dtype=float) for part in (seconds, rest))
+        return np.asarray(begin + 1e-9 * beyond)
+    return np.asarray(column.cast(arrow.float64(), safe=False), dtype=float)
 
 
 class ParquetFile(TableFile):

@@ -10,13 +10,12 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from stickslip_ros.bags.decoding import Decoder
+from stickslip_ros.bags.decoding import Decoder, why_unreadable
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.messages import joint_states
 from stickslip_ros.messages.blocks import Channel
-from stickslip_ros.messages.content import MessageError
 
 REFERENCE_TYPES = ("control_msgs/msg/JointTrajectoryControllerState", "control_msgs/msg/MultiDOFStateStamped")
 GAINS_TYPE = "std_msgs/msg/Float64MultiArray"
@@ -67,7 +66,7 @@ class Topics:
     references: tuple[Channel, ...] = ()
     gains: tuple[Channel, ...] = ()
     events: tuple[Channel, ...] = ()
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
     leader: Channel | None = None
     namespaces: tuple[str, ...] = ()
 
@@ -129,7 +128,7 @@ class _Candidates:
 
     @staticmethod
     def of(channels: Mapping[Channel, int]) -> _Candidates:
-        there = {channel: count for channel, count in channels.items() if count != 0}
+        there = {channel: count for channel, count in channels.items() if count > 0}
         notes: list[str] = []
         known = [channel for channel in there if channel.type == joint_states.TYPE]
         read = [channel for channel in there if channel.type in READ_TYPES]
@@ -141,7 +140,7 @@ class _Candidates:
                 f"it has {len(definitions)} definitions of the types that are read; "
                 f"at most {_MOST_DEFINITIONS} can be: a recorder writes one for each type"
             )
-        usable = [channel for channel in known if _usable_joint_state(channel, notes)]
+        usable = [channel for channel in known if _usable(channel, notes)]
         named = [channel for channel in usable if _last(channel) in _REFERENCES]
         return _Candidates(there=there, usable=usable, named=named, notes=notes)
 
@@ -154,8 +153,13 @@ class _Candidates:
 
     def reference(self, topic: str) -> Channel:
         """A topic of references by its name."""
-        fit = [*self.usable, *(channel for channel in self.there if channel.type in REFERENCE_TYPES)]
-        return self.chosen(topic, fit, "--references")
+        return self.chosen(topic, [*self.usable, *self.controller_states()], "--references")
+
+    def controller_states(self) -> list[Channel]:
+        return self.of_type(*REFERENCE_TYPES)
+
+    def usable_controller_states(self) -> list[Channel]:
+        return [channel for channel in self.controller_states() if _usable(channel, self.notes)]
 
     def gains(self, choice: TopicChoice) -> list[Channel]:
         """Those of gains: the one that was chosen, else those of the usual name."""
@@ -164,8 +168,8 @@ class _Candidates:
             return [self.chosen(choice.gains, gains, "--gains-topic")] if choice.gains else []
         return [channel for channel in gains if _last(channel) == _GAINS]
 
-    def of_type(self, kind: str) -> list[Channel]:
-        return [channel for channel in self.there if channel.type == kind]
+    def of_type(self, *kinds: str) -> list[Channel]:
+        return [channel for channel in self.there if channel.type in kinds]
 
     def only(self, some: Sequence[Channel], what: str, option: str) -> Channel:
         if len(some) == 1:
@@ -185,19 +189,18 @@ class _Candidates:
         raise RecordingError(f"{option} {topic}: no such topic of a type that fits; there are {there}")
 
     def listed(self, some: Sequence[Channel]) -> str:
-        counts = {one: f" ({self.there[one]} messages)" if self.there[one] > 0 else "" for one in some}
-        return ", ".join(sorted(f"{one.topic}{count}" for one, count in counts.items())) or "none"
+        return ", ".join(sorted(f"{one.topic} ({self.there[one]} messages)" for one in some)) or "none"
 
 
 def _topics_of_one(candidates: _Candidates, states: Channel, choice: TopicChoice) -> Topics:
-    notes, named = candidates.notes, candidates.named
+    named = candidates.named
     if choice.references is not None:
         references = [candidates.reference(one.rpartition("=")[2]) for one in choice.references]
     else:
         near = [channel for channel in named if _folder(channel) == _folder(states)] or named
         if near:
             candidates.only(near, "references", "--references")
-        references = near or [channel for channel in candidates.there if _usable_reference(channel, notes)]
+        references = near or candidates.usable_controller_states()
     gains = candidates.gains(choice)
     gains = [channel for channel in gains if _folder(channel) == _folder(states)] or gains
     if gains:
@@ -207,23 +210,22 @@ def _topics_of_one(candidates: _Candidates, states: Channel, choice: TopicChoice
         references=tuple(references),
         gains=tuple(gains),
         events=tuple(candidates.of_type(EVENTS_TYPE)),
-        notes=tuple(notes),
+        notes=tuple(candidates.notes),
     )
 
 
 def _topics_of_several(candidates: _Candidates, states: Sequence[Channel], choice: TopicChoice) -> dict[str, Topics]:
     robots = dict(zip(_robot_names(states), states, strict=True))
     namespaces = tuple(dict.fromkeys(_folder(channel) for channel in states))
-    notes = list(candidates.notes)
     references, leaders = _chosen_references(candidates, robots, choice), dict[str, Channel]()
     if references is None:
-        references = _references_by_namespace(candidates, robots, namespaces, notes)
-        leaders = {name: one for name, one in _leaders(robots, notes).items() if not references[name]}
+        references = _references_by_namespace(candidates, robots, namespaces)
+        leaders = {name: one for name, one in _leaders(robots, candidates.notes).items() if not references[name]}
         references |= {name: [one] for name, one in leaders.items()}
     else:
         leads = set(states)
         leaders = {name: one for name, some in references.items() for one in some if one in leads}
-    gains = _gains_by_namespace(candidates, robots, namespaces, choice, notes)
+    gains = _gains_by_namespace(candidates, robots, namespaces, choice)
     # What was noted of the bag as a whole stands with the first.
     return {
         name: Topics(
@@ -231,7 +233,7 @@ def _topics_of_several(candidates: _Candidates, states: Sequence[Channel], choic
             references=tuple(references[name]),
             gains=tuple(gains[name]),
             events=tuple(candidates.of_type(EVENTS_TYPE)),
-            notes=tuple(notes) if number == 0 else (),
+            notes=tuple(candidates.notes) if number == 0 else (),
             leader=leaders.get(name),
             namespaces=namespaces,
         )
@@ -288,17 +290,17 @@ def _chosen_references(
 
 
 def _references_by_namespace(
-    candidates: _Candidates, robots: Mapping[str, Channel], namespaces: Sequence[str], notes: list[str]
+    candidates: _Candidates, robots: Mapping[str, Channel], namespaces: Sequence[str]
 ) -> dict[str, list[Channel]]:
     found: dict[str, list[Channel]] = {name: [] for name in robots}
-    usable = [channel for channel in candidates.there if _usable_reference(channel, notes)]
+    usable = candidates.usable_controller_states()
     for name, states in robots.items():
         named = [one for one in candidates.named if nearest_namespace(one.topic, namespaces) == _folder(states)]
         named = [one for one in named if _folder(one) == _folder(states)] or named
         # Robots whose topics lie side by side in one namespace cannot be told apart by it.
         if len(named) > 1 or (named and _shared(states, robots)):
             listed = candidates.listed(named)
-            notes.append(f"references of {name} could be {listed}: choose with --references {name}=TOPIC")
+            candidates.notes.append(f"references of {name} could be {listed}: choose with --references {name}=TOPIC")
             continue
         found[name] = named or [
             one
@@ -307,7 +309,8 @@ def _references_by_namespace(
         ]
     for one in (*candidates.named, *usable):
         if nearest_namespace(one.topic, namespaces) is None:
-            notes.append(f"{one.topic} is in no robot's namespace: left out (choose with --references ROBOT=TOPIC)")
+            left_out = f"{one.topic} is in no robot's namespace: left out (choose with --references ROBOT=TOPIC)"
+            candidates.notes.append(left_out)
     return found
 
 
@@ -316,18 +319,15 @@ def _shared(states: Channel, robots: Mapping[str, Channel]) -> bool:
 
 
 def _gains_by_namespace(
-    candidates: _Candidates,
-    robots: Mapping[str, Channel],
-    namespaces: Sequence[str],
-    choice: TopicChoice,
-    notes: list[str],
+    candidates: _Candidates, robots: Mapping[str, Channel], namespaces: Sequence[str], choice: TopicChoice
 ) -> dict[str, list[Channel]]:
     found: dict[str, list[Channel]] = {name: [] for name in robots}
     for one in candidates.gains(choice):
         space = nearest_namespace(one.topic, namespaces)
         owners = [name for name, states in robots.items() if _folder(states) == space]
         if not owners and choice.gains is None:
-            notes.append(f"{one.topic} is in no robot's namespace: left out (choose with --gains-topic)")
+            left_out = f"{one.topic} is in no robot's namespace: left out (choose with --gains-topic)"
+            candidates.notes.append(left_out)
         # What was chosen although it is in no namespace is everybody's.
         for name in owners or (robots if choice.gains is not None else ()):
             found[name].append(one)
@@ -369,26 +369,13 @@ def _folder(channel: Channel) -> str:
     return channel.topic.rpartition("/")[0]
 
 
-def _usable_joint_state(channel: Channel, notes: list[str]) -> bool:
-    """Whether a topic that says so holds JointStates; the reason why not goes to the notes."""
-    try:
-        if channel.encoding != "cdr":
-            raise MessageError(f"its encoding is {channel.encoding!r}, not 'cdr'")
-        fields = Decoder(channel).fields() if channel.schema.strip() else _FIELDS
-        if fields != _FIELDS:
-            raise MessageError(f"its definition of {channel.type} has the fields {', '.join(fields)}")
-    except MessageError as error:
-        notes.append(f"{channel.topic}: {error}")
-        return False
-    return True
-
-
-def _usable_reference(channel: Channel, notes: list[str]) -> bool:
-    if channel.type not in REFERENCE_TYPES:
-        return False
-    try:
-        Decoder(channel)
-    except MessageError as error:
-        notes.append(f"{channel.topic}: {error}")
-        return False
-    return True
+def _usable(channel: Channel, notes: list[str]) -> bool:
+    """Whether a topic's messages can be read; the reason why not goes to the notes."""
+    if channel.type == joint_states.TYPE and channel.encoding == "cdr" and not channel.schema.strip():
+        return True
+    problem = why_unreadable(channel)
+    if not problem and channel.type == joint_states.TYPE and (fields := Decoder(channel).fields()) != _FIELDS:
+        problem = f"its definition of {channel.type} has the fields {', '.join(fields)}"
+    if problem:
+        notes.append(f"{channel.topic}: {problem}")
+    return not problem

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import heapq
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -14,15 +14,20 @@ from typing import Any
 import numpy as np
 import yaml
 
+from stickslip_ros.bags.decoding import types_of_ros
 from stickslip_ros.bags.storage.formats import METADATA
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.errors import InvalidParameterError, optional_packages
 from stickslip_ros.files import whole_file, write_whole
 from stickslip_ros.interrupts import check
+from stickslip_ros.messages.content import DESCRIPTION, robot_description
 from stickslip_ros.messages.joint_states import FIELDS, places_of_values
 from stickslip_ros.messages.joint_states import TYPE as JOINT_STATE
-from stickslip_ros.monitoring.samples import FloatArray
+from stickslip_ros.model.friction import Gains
+from stickslip_ros.monitoring.samples import Batch, FloatArray
 
+STATES, REFERENCES, GAINS = "/joint_states", "/joint_references", "/pd_gains"
+LAST_STAMP = 2.0**31 - 1.0  # [s]
 COMPRESSIONS = ("zstd", "lz4", "none")
 _CHUNK_SIZE = 1 << 20
 
@@ -51,7 +56,8 @@ class BagWriter:
     def __init__(self, path: Path, topics: Mapping[str, str], compression: str = "zstd") -> None:
         with optional_packages(f"bag {path}: writing it"):
             from mcap.writer import CompressionType, Writer
-            from rosbags.typesys import Stores, get_typestore
+
+            self._store: Any = types_of_ros()
         if compression not in COMPRESSIONS:
             raise InvalidParameterError("compression", f"one of {', '.join(COMPRESSIONS)}", compression)
         self._directory = path if path.suffix != ".mcap" else None
@@ -62,7 +68,6 @@ class BagWriter:
             path = self._directory / f"{path.name}_0.mcap"
         self._path = path
         self._topics = dict(topics)
-        self._store: Any = get_typestore(Stores.ROS2_JAZZY)
         self._counts: Counter[str] = Counter()
         self._first, self._last = 1 << 63, 0
         self._stack = ExitStack()
@@ -135,7 +140,7 @@ class BagWriter:
 
     def _metadata(self) -> dict[str, Any]:
         begin = self._first if self._counts else 0
-        duration = max(self._last - begin, 0)
+        duration, count = max(self._last - begin, 0), sum(self._counts.values())
         topics = [
             {
                 "topic_metadata": {
@@ -153,7 +158,7 @@ class BagWriter:
             "storage_identifier": "mcap",
             "duration": {"nanoseconds": duration},
             "starting_time": {"nanoseconds_since_epoch": begin},
-            "message_count": sum(self._counts.values()),
+            "message_count": count,
             "topics_with_message_count": topics,
             "compression_format": "",
             "compression_mode": "",
@@ -163,7 +168,7 @@ class BagWriter:
                     "path": self._path.name,
                     "starting_time": {"nanoseconds_since_epoch": begin},
                     "duration": {"nanoseconds": duration},
-                    "message_count": sum(self._counts.values()),
+                    "message_count": count,
                 }
             ],
         }
@@ -179,9 +184,7 @@ def serialized_joint_states(
     times : stamps [s], of shape (n,). values : position, velocity and effort, of shape (n, 3, joints); a field that is
         NaN throughout is left out, as publishers do.
     """
-    from rosbags.typesys import Stores, get_typestore
-
-    store = get_typestore(Stores.ROS2_JAZZY)
+    store = types_of_ros()
     present = [bool(np.isfinite(values[:, index]).any()) for index in range(len(FIELDS))]
     blank = {name: np.zeros(len(names) if there else 0) for name, there in zip(FIELDS, present, strict=True)}
     stamp = store.types["builtin_interfaces/msg/Time"](sec=0, nanosec=0)
@@ -197,3 +200,74 @@ def serialized_joint_states(
         rows[:, place : place + column.shape[1] * 8] = column.view(np.uint8)
     for time, row in zip(nanoseconds.tolist(), rows, strict=True):
         yield time, topic, row.tobytes()
+
+
+def joint_state_streams(
+    batches: Mapping[str, Batch], start: float
+) -> tuple[FloatArray, dict[str, Iterator[Serialized]]]:
+    """Stamps [s]; joint states and, if there are any, references of joints as serialized JointStates, by topic.
+
+    Parameters
+    ----------
+    batches : of each joint, all of the same times; samples whose time no stamp can be are left out.
+    start : what is added to the times [s].
+    """
+    names = tuple(batches)
+    times = batches[names[0]].time + start
+    known = (times >= 0.0) & (times <= LAST_STAMP)
+    times = times[known]
+    parts = [batch.where(known) for batch in batches.values()]
+    nothing = np.full(len(times), np.nan)
+    states = np.stack([np.stack([one.position, one.velocity, one.effort], axis=1) for one in parts], axis=2)
+    references = np.stack(
+        [np.stack([one.reference_position, one.reference_velocity, nothing], axis=1) for one in parts], axis=2
+    )
+    streams = {STATES: serialized_joint_states(STATES, names, times, states)}
+    if np.isfinite(references).any():
+        # Before the samples that they are the references of.
+        streams = {REFERENCES: serialized_joint_states(REFERENCES, names, times, references), **streams}
+    return times, streams
+
+
+def write_recording(
+    path: Path,
+    batches: Mapping[str, Batch],
+    start: float,
+    gains: Gains | None = None,
+    compression: str = "zstd",
+    *,
+    prismatic: Sequence[str] = (),
+) -> int:
+    """Write samples of joints as a bag; returns how many of each.
+
+    Parameters
+    ----------
+    batches : of each joint, all of the same times; samples whose time no stamp can be are left out.
+    start : what is added to the times [s]. gains : of each joint's controller then, None if unknown.
+    prismatic : joints whose positions are in metres, which the bag says by a description of the robot.
+
+    Raises
+    ------
+    RecordingError
+        If there is a directory of that name already.
+    """
+    names = tuple(batches)
+    times, streams = joint_state_streams(batches, start)
+    # The states' channel is the first in the file.
+    topics = {topic: JOINT_STATE for topic in (STATES, REFERENCES) if topic in streams}
+    if gains is not None:
+        topics[GAINS] = "std_msgs/msg/Float64MultiArray"
+    if prismatic:
+        topics[DESCRIPTION] = "std_msgs/msg/String"
+    with BagWriter(path, topics, compression) as writer:
+        if prismatic and len(times):
+            text = writer.message("std_msgs/msg/String", data=robot_description(names, prismatic))
+            writer.write([writer.serialized(round(float(times[0]) * 1e9), DESCRIPTION, text)])
+        if gains is not None and len(times):
+            kinds = {"p": gains.stiffness, "i": gains.integral, "d": gains.damping}
+            kinds = {kind: gain for kind, gain in kinds.items() if kind != "i" or gain}
+            values = np.tile([float(value) for value in kinds.values()], (len(names), 1))
+            table = writer.table(",".join(names), ",".join(kinds), values)
+            writer.write([writer.serialized(round(float(times[0]) * 1e9), GAINS, table)])
+        writer.write(*streams.values())
+    return len(times)

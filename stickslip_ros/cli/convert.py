@@ -23,12 +23,10 @@ from rich.console import Console
 from rich.markup import escape
 
 from stickslip_ros.bags import table_columns as columns
-from stickslip_ros.bags.conversion import write_recording
-from stickslip_ros.bags.simulated import LAST_STAMP
 from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table import RecordingError, Table, find_recording, load_table
 from stickslip_ros.bags.table_columns import POSITION, Column, Named
-from stickslip_ros.bags.writing import COMPRESSIONS
+from stickslip_ros.bags.writing import COMPRESSIONS, LAST_STAMP, write_recording
 from stickslip_ros.cli.bag_options import GAINS_RULE, add_unpack_argument, can_be_a_gain
 from stickslip_ros.cli.options import add_number, add_option, add_repeated
 from stickslip_ros.cli.outputs import add_bag_output, refuse_inputs, refuse_to_overwrite

@@ -115,11 +115,23 @@ def blocks_of(messages: Iterable[tuple[int, int, bytes]], channels: dict[int, Ch
         yield Block.of_messages(batch, channels)
 
 
+def with_progress(blocks: Iterable[Block], total: int, size: int, progress: Callable[[int], None]) -> Iterator[Block]:
+    """Blocks of a file; ``progress`` is told the share of its size [bytes] that they have of all its messages."""
+    count, reported = 0, 0
+    for block in blocks:
+        yield block
+        count += len(block)
+        read = size * min(count, total) // max(total, 1)
+        progress(read - reported)
+        reported = read
+    progress(size - reported)
+
+
 class Storage(Protocol):
     """One file of a bag."""
 
     def channels(self) -> dict[Channel, int]:
-        """The channels, and how many messages each has; -1 where that is not known."""
+        """The channels, and how many messages each has."""
 
     def blocks(self, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
         """The messages of the wanted channels, perhaps with others among them.

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable
 from typing import Any
 from xml.sax.saxutils import quoteattr, unescape
 
@@ -35,9 +35,7 @@ def seconds(stamp: Any) -> float:
     return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
 
 
-def with_times(
-    stamps: FloatArray, others: Callable[[], FloatArray], what: str, refuse: Callable[[str, int], None]
-) -> FloatArray:
+def with_times(stamps: FloatArray, others: FloatArray, what: str, refuse: Callable[[str, int], None]) -> FloatArray:
     """Stamps [s]; the other times where a stamp is zero, which means that nobody set it.
 
     Parameters
@@ -48,43 +46,12 @@ def with_times(
     if not unset.any():
         return stamps
     refuse(f"stamp is zero; the time of {what} is used instead", int(unset.sum()))
-    return np.where(unset, others(), stamps)
+    return np.where(unset, others, stamps)
 
 
 def with_time(stamp: float, other: float, what: str, refuse: Callable[[str, int], None]) -> float:
     """One stamp [s], or the other time; see :func:`with_times`."""
-    return float(with_times(np.array([stamp]), lambda: np.array([other]), what, refuse)[0])
-
-
-def joint_rows(message: Any) -> dict[str, tuple[float, float, float]]:
-    """Position, velocity and effort of every joint in a message; NaN for what is missing.
-
-    Raises
-    ------
-    MessageError
-        If an array is neither empty nor as long as the names, or a name occurs twice.
-    """
-    names = message.name
-    fields = ("position", "velocity", "effort")
-    check_joint_row(names, {field: len(getattr(message, field)) for field in fields})
-    columns = [getattr(message, field) for field in fields]
-    columns = [values if len(values) else [math.nan] * len(names) for values in columns]
-    return dict(zip(names, zip(*columns, strict=True), strict=True))
-
-
-def check_joint_row(names: Sequence[str], counts: Mapping[str, int]) -> None:
-    """Check names, and how many values each field has for them.
-
-    Raises
-    ------
-    MessageError
-        If a field has neither none nor as many, or a name occurs twice.
-    """
-    for field, count in counts.items():
-        if count not in (0, len(names)):
-            raise MessageError(f"{field} has {count} values for {len(names)} names; it must have as many or none")
-    if len(set(names)) != len(names):
-        raise MessageError(f"a joint name occurs twice in {', '.join(names)}")
+    return float(with_times(np.array([stamp]), np.array([other]), what, refuse)[0])
 
 
 def gains_from_message(message: Any) -> dict[str, Gains]:
@@ -119,7 +86,7 @@ def gains_from_message(message: Any) -> dict[str, Gains]:
 
 
 def reference_rows(message: Any) -> dict[str, tuple[float, float]]:
-    """Desired position and velocity of every joint in a message of any of the kinds; NaN for what is missing.
+    """Desired position and velocity of every joint in the state of a controller; NaN for what is missing.
 
     Raises
     ------
@@ -128,19 +95,17 @@ def reference_rows(message: Any) -> dict[str, tuple[float, float]]:
     """
     if hasattr(message, "dof_states"):
         return {state.name: (state.reference, math.nan) for state in message.dof_states}
-    if hasattr(message, "joint_names"):
-        names = message.joint_names
-        # Older definitions have `desired` alone; newer ones have both, of which publishers fill one.
-        points = [getattr(message, name) for name in ("reference", "desired") if hasattr(message, name)]
-        if not points:
-            raise MessageError("it has neither a field reference nor a field desired")
-        point = next((point for point in points if len(point.positions)), points[0])
-        if len(point.positions) != len(names):
-            raise MessageError(f"reference has {len(point.positions)} positions for {len(names)} joints")
-        known = len(point.velocities) == len(names)
-        velocities = point.velocities if known else [math.nan] * len(names)
-        return dict(zip(names, zip(point.positions, velocities, strict=True), strict=True))
-    return {name: (position, velocity) for name, (position, velocity, _) in joint_rows(message).items()}
+    names = message.joint_names
+    # Older definitions have `desired` alone; newer ones have both, of which publishers fill one.
+    points = [getattr(message, name) for name in ("reference", "desired") if hasattr(message, name)]
+    if not points:
+        raise MessageError("it has neither a field reference nor a field desired")
+    point = next((point for point in points if len(point.positions)), points[0])
+    if len(point.positions) != len(names):
+        raise MessageError(f"reference has {len(point.positions)} positions for {len(names)} joints")
+    known = len(point.velocities) == len(names)
+    velocities = point.velocities if known else [math.nan] * len(names)
+    return dict(zip(names, zip(point.positions, velocities, strict=True), strict=True))
 
 
 def prismatic_joints(text: str) -> set[str]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from stickslip_ros.messages import _gather_kernel as kernel
 from stickslip_ros.messages.blocks import Block, Bytes, FloatArray, Integers
-from stickslip_ros.messages.content import MessageError, check_joint_row
+from stickslip_ros.messages.content import MessageError
 
 TYPE = "sensor_msgs/msg/JointState"
 FIELDS = ("position", "velocity", "effort")
@@ -69,35 +69,27 @@ class JointStateDecoder:
     def decode(self, block: Block, chosen: Integers) -> list[JointRows]:
         """The messages of a block that are chosen by their numbers, those of one layout together."""
         found: list[JointRows] = []
-        left = chosen
-        for layout in list(self._layouts):
-            left = self._decode_layout(layout, block, chosen, left, found)
+        left, known = chosen, iter(self._layouts)
         while len(left):
-            try:
-                layout = _layout_of(block.message(int(left[0])))
-            except MessageError as error:
-                self.refused[str(error)] += 1
-                left = left[1:]
-                continue
-            self.fields |= {name for name, there in zip(FIELDS, layout.present, strict=True) if there}
-            self._layouts = [*self._layouts[-_LAYOUTS_KEPT + 1 :], layout]
-            left = self._decode_layout(layout, block, chosen, left, found)
+            layout = next(known, None)
+            if layout is None:
+                try:
+                    layout = _layout_of(block.message(int(left[0])))
+                except MessageError as error:
+                    self.refused[str(error)] += 1
+                    left = left[1:]
+                    continue
+                self.fields |= {name for name, there in zip(FIELDS, layout.present, strict=True) if there}
+                self._layouts = [*self._layouts[-_LAYOUTS_KEPT + 1 :], layout]
+            offsets = block.offset[left]
+            same = kernel.matching(
+                block.buffer, offsets, block.length[left], layout.template, layout.mask,
+                layout.length, layout.length + _PADDING - 1,
+            )  # fmt: skip
+            if same.any():
+                found.append(_rows(layout, block, offsets[same], np.searchsorted(chosen, left[same])))
+            left = left[~same]
         return found
-
-    def _decode_layout(
-        self, layout: _Layout, block: Block, chosen: Integers, left: Integers, found: list[JointRows]
-    ) -> Integers:
-        if not len(left):
-            return left
-        offsets = block.offset[left]
-        same = kernel.matching(
-            block.buffer, offsets, block.length[left], layout.template, layout.mask,
-            layout.length, layout.length + _PADDING - 1,
-        )  # fmt: skip
-        if same.any():
-            found.append(_rows(layout, block, offsets[same], np.searchsorted(chosen, left[same])))
-        remaining: Integers = left[~same]
-        return remaining
 
 
 def _rows(layout: _Layout, block: Block, offsets: Integers, index: Integers) -> JointRows:
@@ -173,7 +165,11 @@ def _layout_of(message: bytes) -> _Layout:
             places.append(cursor.skip(8 * counts[-1], aligned_to=8))
     if len(message) - cursor.at >= _PADDING:
         raise MessageError(f"{len(message) - cursor.at} bytes are left over")
-    check_joint_row(names, dict(zip(FIELDS, counts, strict=True)))
+    for field, count in zip(FIELDS, counts, strict=True):
+        if count not in (0, named):
+            raise MessageError(f"{field} has {count} values for {named} names; it must have as many or none")
+    if len(set(names)) != named:
+        raise MessageError(f"a joint name occurs twice in {', '.join(names)}")
     mask = np.zeros(cursor.at, dtype=np.uint8)
     for begin, end in [(0, _ENCAPSULATION), *cursor.read]:
         mask[begin:end] = 0xFF

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from support_bags import read_joint, simulated_bag
 
-from stickslip_ros.bags.conversion import write_recording
+from stickslip_ros.bags.writing import write_recording
 from stickslip_ros.cli.main import main
 
 pytestmark = pytest.mark.slow

@@ -8,7 +8,6 @@ import csv
 import json
 import math
 from collections.abc import Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -30,7 +29,7 @@ from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
 from stickslip_ros.analysis.analysis_json import bag_json
 from stickslip_ros.analysis.fleet import BagTask, answer
 from stickslip_ros.analysis.fleet_table import rows_of
-from stickslip_ros.bags.reading import BagReader, GainEvents, is_of_robot
+from stickslip_ros.bags.reading import BagReader, GainEvents
 from stickslip_ros.bags.storage.bag import Bag
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.bags.topics import TopicChoice, find_robots
@@ -270,7 +269,7 @@ def test_gains_of_controllers_are_their_robots() -> None:
     parameter = SimpleNamespace(name="gains.joint1.p", value=value)
 
     def heard(robot: str, node: str, controller: str | None = None) -> tuple[float, list[str]]:
-        events = GainEvents(controller, partial(is_of_robot, found[robot], controller))
+        events = GainEvents(found[robot], controller)
         gains = events.process(SimpleNamespace(node=node, new_parameters=[parameter], changed_parameters=[]))
         return (float(gains["joint1"].stiffness) if gains else 0.0), list(events.refused)
 

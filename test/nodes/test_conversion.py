@@ -8,50 +8,13 @@ import math
 from types import SimpleNamespace
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
-from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectoryPoint
 
-from stickslip_ros.messages.content import MessageError, gains_from_message, joint_rows, reference_rows, seconds
+from stickslip_ros.messages.content import MessageError, gains_from_message, reference_rows, seconds
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.nodes.conversion import stamp, table
-
-NAMES = st.lists(st.text("abcdefgh_123", min_size=1, max_size=8), min_size=1, max_size=6, unique=True)
-
-
-@settings(deadline=None)
-@given(NAMES, st.booleans(), st.booleans())
-def test_any_order_of_names_and_empty_arrays(names: list[str], velocity: bool, effort: bool) -> None:
-    """Issue 2: names in any order, empty arrays for what is missing."""
-    numbers = [float(index) for index in range(len(names))]
-    message = JointState(
-        name=names, position=numbers, velocity=numbers if velocity else [], effort=numbers if effort else []
-    )
-    rows = joint_rows(message)
-    for name, number in zip(names, numbers, strict=True):
-        assert rows[name][0] == number
-        assert rows[name][1] == number if velocity else math.isnan(rows[name][1])
-        assert rows[name][2] == number if effort else math.isnan(rows[name][2])
-
-
-@pytest.mark.parametrize(
-    ("fields", "text"),
-    [
-        ({"position": [1.0]}, "position has 1 values for 2 names"),
-        ({"position": [1.0, 2.0], "velocity": [1.0, 2.0, 3.0]}, "velocity has 3 values for 2 names"),
-    ],
-)
-def test_unequal_lengths_are_refused(fields: dict[str, list[float]], text: str) -> None:
-    """Issue 2: arrays of unequal length are refused, with both lengths."""
-    with pytest.raises(MessageError, match=text):
-        joint_rows(JointState(name=["a", "b"], **fields))
-
-
-def test_a_name_twice_is_refused() -> None:
-    """Issue 2: one joint cannot have two positions."""
-    with pytest.raises(MessageError, match="occurs twice"):
-        joint_rows(JointState(name=["a", "a"], position=[1.0, 2.0]))
 
 
 @given(st.integers(0, 2**31 - 1), st.integers(0, 999_999_999))

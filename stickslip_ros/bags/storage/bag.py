@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from stickslip_ros.bags.conversion import EpisodeStorage
 from stickslip_ros.bags.lerobot import episode_of, files_of_episode, is_data_set, name_an_episode
 from stickslip_ros.bags.storage.bag_file import BagFile
+from stickslip_ros.bags.storage.episode import EpisodeStorage
 from stickslip_ros.bags.storage.formats import FORMATS, METADATA, format_of, is_bag_file
 from stickslip_ros.bags.storage.transcoding import Transcode, transcoded
 from stickslip_ros.bags.storage.unpacking import Allowance, UnpackLimit

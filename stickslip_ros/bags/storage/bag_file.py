@@ -32,6 +32,10 @@ class BagFile:
     path : of the file. stack : closed when the bag is; what is unpacked is gone by then.
     limit : of what is unpacked.
 
+    Attributes
+    ----------
+    name : for warnings. begin : its first bytes, as they lie there.
+
     Raises
     ------
     OSError
@@ -39,15 +43,10 @@ class BagFile:
     """
 
     def __init__(self, path: Path, stack: ExitStack, limit: UnpackLimit) -> None:
-        self.path, self._stack = path, stack
+        self.path, self.name, self._stack = path, path.name, stack
         with open_regular(path) as stream:
-            self._begin = stream.read(_LONGEST_BEGIN)
+            self.begin = stream.read(_LONGEST_BEGIN)
         self.allowance = Allowance(limit, self.size)
-
-    @property
-    def name(self) -> str:
-        """For warnings."""
-        return self.path.name
 
     @property
     def size(self) -> int:
@@ -57,11 +56,7 @@ class BagFile:
     @property
     def packed(self) -> bool:
         """Whether the whole of it is compressed: it can be read from the start alone."""
-        return self._begin.startswith(_ZSTD)
-
-    def begin(self) -> bytes:
-        """Its first bytes, as they lie there."""
-        return self._begin
+        return self.begin.startswith(_ZSTD)
 
     def at_close(self, callback: Callable[[], object]) -> None:
         """Have something called when the bag is closed."""

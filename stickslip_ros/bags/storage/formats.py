@@ -60,13 +60,12 @@ def format_of(file: BagFile) -> Format:
     OSError
         If it cannot be read.
     """
-    begin = file.begin()
-    if not begin:
+    if not file.begin:
         raise ValueError("the file is empty")
     if file.packed:
         # Only the name tells what is inside; the first format is what rosbag2 writes.
         return next((one for one in FORMATS if one.suffix in Path(file.name).suffixes), FORMATS[0])
-    found = next((one for one in FORMATS if begin.startswith(one.begins_with)), None)
+    found = next((one for one in FORMATS if file.begin.startswith(one.begins_with)), None)
     if found is None:
         raise ValueError(f"neither {' nor '.join(one.called for one in FORMATS)}")
     return found

@@ -12,15 +12,13 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import IO
+from enum import IntEnum
+from typing import IO, NamedTuple
 
 import numpy as np
 
 from stickslip_ros.bags.storage import _record_kernel as kernel
-from stickslip_ros.bags.storage import mcap_records as records
 from stickslip_ros.bags.storage.bag_file import BagFile
-from stickslip_ros.bags.storage.mcap_records import Opcode
 from stickslip_ros.bags.storage.unpacking import OPTION, Allowance
 from stickslip_ros.messages.blocks import Block, Bytes, Channel, Integers, Warn, counts_by_channel
 
@@ -29,18 +27,34 @@ _FOOTER = 9 + 20
 _TABLE_ROWS = 1 << 16
 _WINDOW = 1 << 20
 _LARGEST_RECORD = 1 << 30
-_OF_USE = (Opcode.MESSAGE, Opcode.CHUNK, Opcode.SCHEMA, Opcode.CHANNEL)
 _MOST_REPORTED = 3  # of what makes a file useless
-_MOST_CHANNELS = 1 << 16  # their numbers have 16 bits
+_BY_CHANNEL = np.dtype([("channel", "<u2"), ("value", "<u8")])
 # What a damaged record makes its parser raise.
 _DAMAGE = (ValueError, EOFError, OverflowError, MemoryError)
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Summary:
-    channels: dict[int, Channel]
-    counts: dict[int, int]
-    chunks: list[records.ChunkIndex]
+class _Opcode(IntEnum):
+    """Kinds of records."""
+
+    FOOTER = 0x02
+    SCHEMA = 0x03
+    CHANNEL = 0x04
+    MESSAGE = 0x05
+    CHUNK = 0x06
+    CHUNK_INDEX = 0x08
+    STATISTICS = 0x0B
+    DATA_END = 0x0F
+
+
+_OF_USE = (_Opcode.MESSAGE, _Opcode.CHUNK, _Opcode.SCHEMA, _Opcode.CHANNEL)
+
+
+class _Chunk(NamedTuple):
+    """Where a chunk is [bytes], and what channels have messages in it."""
+
+    begin: int
+    length: int
+    channels: frozenset[int]
 
 
 class McapStorage:
@@ -53,12 +67,9 @@ class McapStorage:
 
     def __init__(self, file: BagFile, warn: Warn) -> None:
         self._file, self._warn = file, warn
-        self._summary: _Summary | None = None
         self._channels: dict[int, Channel] = {}
-        # The same as flags, and those that blocks are wanted of: a file may have as many channels as messages.
-        self._known = np.zeros(_MOST_CHANNELS, dtype=np.bool_)
-        self._wanted: set[Channel] | None = None
-        self._yielded: dict[int, Channel] = {}
+        self._counts: dict[int, int] = {}  # of messages, by the index
+        self._chunks: list[_Chunk] = []  # by the index; without a sound one the file is read from the start
         self._schemas: dict[int, tuple[str, str, str]] = {}  # name, encoding and definition of each
         self._unknown = 0
 
@@ -74,19 +85,17 @@ class McapStorage:
             if stream.read(len(MAGIC)) != MAGIC:
                 raise ValueError("not an MCAP file: it does not begin with its magic bytes")
         if not self._file.packed:
-            self._summary = self._read_summary()
-        if self._summary is not None:
-            return counts_by_channel(self._summary.channels, self._summary.counts)
+            self._read_index()
+        if self._chunks:
+            return counts_by_channel(self._channels, self._counts)
         counts: dict[Channel, int] = {}
-        self._want(None)
         problems: list[str] = []
         warn, self._warn = self._warn, problems.append
         try:
             for block in self._from_start(lambda _: None):
                 for number, count in zip(*np.unique(block.channel, return_counts=True), strict=True):
-                    channel = block.channels.get(int(number))
-                    if channel is not None:
-                        counts[channel] = counts.get(channel, 0) + int(count)
+                    channel = block.channels[int(number)]
+                    counts[channel] = counts.get(channel, 0) + int(count)
         finally:
             # Problems are reported when the messages are read, unless there are none.
             self._warn = warn
@@ -98,80 +107,71 @@ class McapStorage:
     def blocks(self, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
         """See :class:`~stickslip_ros.messages.blocks.Storage`."""
         self._unknown = 0
-        self._want(wanted)
-        if self._summary is not None and self._summary.chunks:
-            yield from self._by_index(self._summary, wanted, progress)
-        else:
-            yield from self._from_start(progress)
+        yield from self._by_index(wanted, progress) if self._chunks else self._from_start(progress)
         if self._unknown:
             self._warn(f"{self._file.name}: {self._unknown} messages belong to no channel that is described")
 
-    def _want(self, wanted: set[Channel] | None) -> None:
-        """Of which channels blocks tell; None: of all."""
-        self._wanted = wanted
-        self._yielded = {number: one for number, one in self._channels.items() if wanted is None or one in wanted}
-
     # The index at the end.
 
-    def _read_summary(self) -> _Summary | None:
-        """The summary section, if it is there and sound."""
+    def _read_index(self) -> None:
+        """Read the summary section, if it is there and sound."""
         size, tail = self._file.size, _FOOTER + len(MAGIC)
         if size < len(MAGIC) + tail:
-            return None
+            return
         with self._file.open() as file:
             file.seek(size - tail)
             end = file.read(tail)
-            if end[:9] != struct.pack("<BQ", Opcode.FOOTER, 20) or end[_FOOTER:] != MAGIC:
+            if end[:9] != struct.pack("<BQ", _Opcode.FOOTER, 20) or end[_FOOTER:] != MAGIC:
                 self._warn(f"{self._file.name}: not closed or cut off: it has no index; read as far as it goes")
-                return None
-            begin, expected = records.footer(end[9:])
+                return
+            begin, _, checksum = struct.unpack_from("<QQI", end, 9)
             if begin == 0:
-                return None
+                return
             try:
                 if not len(MAGIC) <= begin <= size - tail:
                     raise ValueError("it is elsewhere")
                 file.seek(begin)
                 content = file.read(size - tail - begin)
                 # Without a checksum the index may say anything; the data speak for themselves.
-                if expected == 0:
-                    return None
-                if zlib.crc32(end[: 9 + 16], zlib.crc32(content)) != expected:
+                if checksum == 0:
+                    return
+                if zlib.crc32(end[: 9 + 16], zlib.crc32(content)) != checksum:
                     raise ValueError("its checksum is wrong")
-                summary = self._parse_summary(content)
-                for chunk in summary.chunks:
+                chunks = sorted(self._chunks_of(content))
+                for chunk in chunks:
                     file.seek(chunk.begin)
-                    if file.read(1) != bytes([Opcode.CHUNK]):
+                    if file.read(1) != bytes([_Opcode.CHUNK]):
                         raise ValueError("there is no chunk where it names one")
             except _DAMAGE:
                 self._warn(f"{self._file.name}: its index is damaged; read from the start as far as it goes")
-                return None
+                return
             # What only the data describe, and chunks that do not say what they hold, are found by reading it all.
-            listed = [chunk.channels for chunk in summary.chunks]
-            return summary if listed and all(some and some <= set(summary.channels) for some in listed) else None
+            if all(chunk.channels and chunk.channels <= set(self._channels) for chunk in chunks):
+                self._chunks = chunks
 
-    def _parse_summary(self, content: bytes) -> _Summary:
+    def _chunks_of(self, content: bytes) -> Iterator[_Chunk]:
+        """The chunks that a summary section lists; its channels and counts are noted."""
         buffer = np.frombuffer(content, dtype=np.uint8)
-        chunks, counts = [], dict[int, int]()
-        for table in _tables(buffer):
-            for opcode, offset, length, _, _ in table.tolist():
-                if opcode == Opcode.CHUNK_INDEX:
-                    chunks.append(records.ChunkIndex.read(_content(buffer, offset, length)))
-                elif opcode == Opcode.STATISTICS:
-                    counts = records.messages_by_channel(_content(buffer, offset, length))
-                else:
-                    self._note(opcode, buffer, offset, length)
-        return _Summary(
-            channels=dict(self._channels),
-            counts=counts,
-            chunks=sorted(chunks),
-        )
+        tables, at, _, sound = _walk(buffer)
+        if not sound or at != len(buffer):
+            raise ValueError("damaged records")
+        for opcode, offset, length, _, _ in (row for table in tables for row in table.tolist()):
+            fields = _Fields(_content(buffer, offset, length))
+            if opcode == _Opcode.CHUNK_INDEX:
+                fields.data(16)  # first and last time
+                yield _Chunk(fields.number(8), fields.number(8), frozenset(fields.by_channel()))
+            elif opcode == _Opcode.STATISTICS:
+                fields.data(42)  # totals, first and last time
+                self._counts = fields.by_channel()
+            else:
+                self._note(opcode, buffer, offset, length)
 
-    def _by_index(self, summary: _Summary, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
-        numbers = {number for number, channel in summary.channels.items() if channel in wanted}
+    def _by_index(self, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
+        numbers = {number for number, channel in self._channels.items() if channel in wanted}
         found = 0
         with self._file.open() as file:
             at = 0
-            for index in summary.chunks:
+            for index in self._chunks:
                 progress(index.begin + index.length - at)
                 at = index.begin + index.length
                 if numbers.isdisjoint(index.channels):
@@ -184,9 +184,9 @@ class McapStorage:
                 for block in self._chunk(record[9:], index.begin):
                     found += int(np.isin(block.channel, list(numbers)).sum())
                     yield block
-            expected = sum(summary.counts.get(number, 0) for number in numbers)
+            expected = sum(self._counts.get(number, 0) for number in numbers)
         progress(self._file.size - at)
-        if found < expected and summary.counts:
+        if found < expected:
             self._warn(f"{self._file.name}: {expected - found} of {expected} messages could not be read")
 
     def _lost(self, offset: int, why: str) -> str:
@@ -220,7 +220,7 @@ class McapStorage:
             buffer = np.frombuffer(window, dtype=np.uint8)
             tables, at, needed, sound = _walk(buffer)
             for table in tables:
-                end = table[np.isin(table[:, kernel.OPCODE], (Opcode.DATA_END, Opcode.FOOTER))]
+                end = table[np.isin(table[:, kernel.OPCODE], (_Opcode.DATA_END, _Opcode.FOOTER))]
                 if len(end):
                     stop = int(end[0, kernel.OFFSET]) - 9
                     yield from self._records(buffer, table[table[:, kernel.OFFSET] < stop], position)
@@ -241,7 +241,7 @@ class McapStorage:
                 return
 
     def _check_data(self, buffer: Bytes, end: Integers, checksum: int) -> None:
-        if end[kernel.OPCODE] == Opcode.DATA_END and end[kernel.LENGTH] >= 4:
+        if end[kernel.OPCODE] == _Opcode.DATA_END and end[kernel.LENGTH] >= 4:
             expected = int.from_bytes(_content(buffer, int(end[kernel.OFFSET]), 4), "little")
             if expected not in (0, checksum):
                 self._warn(f"{self._file.name}: its checksum is wrong: some data are damaged, and results with them")
@@ -251,7 +251,7 @@ class McapStorage:
         # Of records that say nothing here a file may have millions.
         table = table[np.isin(table[:, kernel.OPCODE], _OF_USE)]
         opcodes = table[:, kernel.OPCODE]
-        others = np.flatnonzero(opcodes != Opcode.MESSAGE)
+        others = np.flatnonzero(opcodes != _Opcode.MESSAGE)
         begin = 0
         for number in [*others.tolist(), len(table)]:
             if number > begin:
@@ -259,7 +259,7 @@ class McapStorage:
             begin = number + 1
             if number < len(table):
                 opcode, offset, length, _, _ = table[number].tolist()
-                if opcode == Opcode.CHUNK:
+                if opcode == _Opcode.CHUNK:
                     yield from self._chunk(buffer[offset : offset + length].tobytes(), position + offset - 9)
                 else:
                     try:
@@ -281,42 +281,39 @@ class McapStorage:
         buffer = np.frombuffer(unpacked, dtype=np.uint8)
         tables, at, _, sound = _walk(buffer)
         for table in tables:
-            yield from self._records(buffer, table[table[:, kernel.OPCODE] != Opcode.CHUNK], offset)
+            yield from self._records(buffer, table[table[:, kernel.OPCODE] != _Opcode.CHUNK], offset)
         if not sound or at != len(buffer):
             self._warn(f"{self._file.name}: the chunk at byte {offset} is damaged; the end of it is lost")
 
     def _note(self, opcode: int, buffer: Bytes, offset: int, length: int) -> None:
         """Remember schemas and channels."""
-        if opcode not in (Opcode.SCHEMA, Opcode.CHANNEL):
+        if opcode not in (_Opcode.SCHEMA, _Opcode.CHANNEL):
             return
-        fields = records.Fields(_content(buffer, offset, length))
+        fields = _Fields(_content(buffer, offset, length))
         number = fields.number(2)
-        if opcode == Opcode.SCHEMA:
+        if opcode == _Opcode.SCHEMA:
             name, encoding = fields.text(), fields.text()
             definition = fields.data(fields.number(4)).decode("utf-8", errors="replace")
             self._schemas[number] = name, encoding, definition
             return
         kind, schema_encoding, schema = self._schemas.get(fields.number(2), ("", "", ""))
         topic, encoding = fields.text(), fields.text()
-        channel = Channel(topic=topic, type=kind, encoding=encoding, schema_encoding=schema_encoding, schema=schema)
-        self._channels[number] = channel
-        self._known[number] = True
-        # Blocks that were given before keep what they were given with.
-        if self._wanted is None or channel in self._wanted:
-            if self._yielded.get(number, channel) != channel:
-                self._yielded = dict(self._yielded)
-            self._yielded[number] = channel
-        elif number in self._yielded:
-            self._yielded = {other: one for other, one in self._yielded.items() if other != number}
+        self._channels[number] = Channel(
+            topic=topic, type=kind, encoding=encoding, schema_encoding=schema_encoding, schema=schema
+        )
 
     def _block(self, buffer: Bytes, table: Integers) -> Block:
-        known = self._known[table[:, kernel.CHANNEL]]
-        if not known.all():
+        # Only its own channels: a file may have as many as messages, and describe one anew further on.
+        column, least = table[:, kernel.CHANNEL], table[:, kernel.CHANNEL].min()
+        numbers = (least + np.flatnonzero(np.bincount(column - least))).tolist()  # np.unique takes five times as long
+        channels = {number: self._channels[number] for number in numbers if number in self._channels}
+        if len(channels) < len(numbers):
+            known = np.isin(column, list(channels))
             self._unknown += int((~known).sum())
             table = table[known]
         return Block(
             buffer=buffer,
-            channels=self._yielded,
+            channels=channels,
             channel=table[:, kernel.CHANNEL],
             offset=np.ascontiguousarray(table[:, kernel.OFFSET]),
             length=np.ascontiguousarray(table[:, kernel.LENGTH]),
@@ -349,13 +346,6 @@ def _walk(buffer: Bytes) -> tuple[list[Integers], int, int, bool]:
             return tables, int(at), int(needed), bool(sound)
 
 
-def _tables(buffer: Bytes) -> list[Integers]:
-    tables, at, _, sound = _walk(buffer)
-    if not sound or at != len(buffer):
-        raise ValueError("damaged records")
-    return tables
-
-
 def _unpacked(content: bytes, allowance: Allowance) -> bytes:
     """The records that a chunk holds.
 
@@ -364,7 +354,7 @@ def _unpacked(content: bytes, allowance: Allowance) -> bytes:
     ValueError
         If they are not what their length and checksum say.
     """
-    fields = records.Fields(content)
+    fields = _Fields(content)
     fields.data(16)  # first and last time
     size, checksum, compression = fields.number(8), fields.number(4), fields.text()
     data = fields.data(fields.number(8))
@@ -377,3 +367,36 @@ def _unpacked(content: bytes, allowance: Allowance) -> bytes:
     if checksum and zlib.crc32(unpacked) != checksum:
         raise ValueError("its checksum is wrong")
     return unpacked
+
+
+class _Fields:
+    """The fields of a record, in their order.
+
+    Raises
+    ------
+    ValueError
+        From every method, if the record ends before the field does.
+    """
+
+    def __init__(self, content: bytes) -> None:
+        self._content, self._at = content, 0
+
+    def data(self, size: int) -> bytes:
+        """The next bytes."""
+        begin, self._at = self._at, self._at + size
+        if self._at > len(self._content):
+            raise ValueError("it ends in the midst of a field")
+        return self._content[begin : self._at]
+
+    def number(self, size: int) -> int:
+        """An integer of so many bytes."""
+        return int.from_bytes(self.data(size), "little")
+
+    def text(self) -> str:
+        """A text, after its length."""
+        return self.data(self.number(4)).decode()
+
+    def by_channel(self) -> dict[int, int]:
+        """A number for each channel."""
+        table = np.frombuffer(self.data(self.number(4)), dtype=_BY_CHANNEL)
+        return dict(zip(table["channel"].tolist(), table["value"].tolist(), strict=True))

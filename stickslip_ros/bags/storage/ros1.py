@@ -9,9 +9,7 @@ from typing import Any
 
 from stickslip_ros.bags.storage.bag_file import BagFile
 from stickslip_ros.errors import reason
-from stickslip_ros.messages.blocks import Block, Channel, Warn, blocks_of
-
-_COMPRESSIONS = ("bz2", "lz4")
+from stickslip_ros.messages.blocks import Block, Channel, Warn, blocks_of, counts_by_channel, with_progress
 
 
 class Ros1Storage:
@@ -29,6 +27,7 @@ class Ros1Storage:
 
     def __init__(self, file: BagFile, warn: Warn) -> None:
         from rosbags.rosbag1 import Reader
+        from rosbags.rosbag1.reader import decompressors
 
         self._file, self._warn = file, warn
         self._reader = Reader(file.plain())
@@ -41,34 +40,26 @@ class Ros1Storage:
             raise ValueError(f"not a sound bag of ROS 1: {text}{hint}") from error
         file.at_close(self._reader.close)
         # What compressed data may become is bounded as everywhere.
-        unpack = {name: getattr(file.allowance, name) for name in _COMPRESSIONS}
+        unpack = {decompressors["bz2"]: file.allowance.bz2, decompressors["lz4"]: file.allowance.lz4}
         self._reader.chunks = {
-            place: chunk._replace(decompressor=unpack.get(_compression(chunk), chunk.decompressor))
+            place: chunk._replace(decompressor=unpack.get(chunk.decompressor, chunk.decompressor))
             for place, chunk in self._reader.chunks.items()
         }
 
     def channels(self) -> dict[Channel, int]:
         """See :class:`~stickslip_ros.messages.blocks.Storage`."""
-        found: dict[Channel, int] = {}
-        for connection in self._reader.connections:
-            channel = _channel(connection)
-            found[channel] = found.get(channel, 0) + connection.msgcount
-        return found
+        connections = self._reader.connections
+        return counts_by_channel(
+            {one.id: _channel(one) for one in connections}, {one.id: one.msgcount for one in connections}
+        )
 
     def blocks(self, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
         """See :class:`~stickslip_ros.messages.blocks.Storage`."""
         self._file.allowance.restart()
         chosen = [one for one in self._reader.connections if _channel(one) in wanted]
         channels = {one.id: _channel(one) for one in chosen}
-        total = max(sum(one.msgcount for one in chosen), 1)
-        taken, reported = 0, 0
-        for block in self._read(chosen, channels):
-            yield block
-            taken += len(block)
-            read = self._file.size * min(taken, total) // total
-            progress(read - reported)
-            reported = read
-        progress(self._file.size - reported)
+        total = sum(one.msgcount for one in chosen)
+        yield from with_progress(self._read(chosen, channels), total, self._file.size, progress)
 
     def _read(self, connections: list[Any], channels: dict[int, Channel]) -> Iterator[Block]:
         try:
@@ -87,10 +78,3 @@ def _channel(connection: Any) -> Channel:
         schema_encoding="ros1msg",
         schema=connection.msgdef.data,
     )
-
-
-def _compression(chunk: Any) -> str:
-    """The name of a chunk's compression, which the package keeps as the function that undoes it."""
-    from rosbags.rosbag1.reader import decompressors
-
-    return next((name for name, one in decompressors.items() if one is chunk.decompressor), "")

@@ -15,7 +15,7 @@ from typing import Any
 from urllib.parse import quote
 
 from stickslip_ros.bags.storage.bag_file import BagFile
-from stickslip_ros.messages.blocks import Block, Channel, Warn, blocks_of, counts_by_channel
+from stickslip_ros.messages.blocks import Block, Channel, Warn, blocks_of, counts_by_channel, with_progress
 
 _ENCODINGS = ("ros2msg", "ros2idl")
 _COLUMNS = {"topics": ("id", "name", "type", "serialization_format"), "messages": ("topic_id", "timestamp", "data")}
@@ -48,12 +48,13 @@ class SqliteStorage:
         try:
             with self._open() as database:
                 schemas = _definitions(database)
-                self._channels = {
-                    int(number): _channel(str(topic), str(kind), str(encoding), schemas)
-                    for number, topic, kind, encoding in database.execute(
-                        "SELECT id, name, type, serialization_format FROM topics ORDER BY id"
-                    )
-                }
+                rows = database.execute("SELECT id, name, type, serialization_format FROM topics ORDER BY id")
+                for number, topic, kind, encoding in rows:
+                    schema_encoding, schema = schemas.get(str(kind), ("", ""))
+                    self._channels[int(number)] = Channel(
+                        topic=str(topic), type=str(kind), encoding=str(encoding),
+                        schema_encoding=schema_encoding, schema=schema,
+                    )  # fmt: skip
                 try:
                     self._counts = dict(database.execute("SELECT topic_id, count(*) FROM messages GROUP BY topic_id"))
                 except sqlite3.DatabaseError:
@@ -66,20 +67,19 @@ class SqliteStorage:
     def blocks(self, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
         """See :class:`~stickslip_ros.messages.blocks.Storage`."""
         numbers = {number: channel for number, channel in self._channels.items() if channel in wanted}
-        size, reported, taken = self._path.stat().st_size, 0, 0
-        total = max(sum(self._counts.get(number, 0) for number in numbers), 1)
-        if not numbers:
-            return
+        total = sum(self._counts.get(number, 0) for number in numbers)
+        if numbers:
+            yield from with_progress(self._read(numbers), total, self._path.stat().st_size, progress)
+
+    def _read(self, channels: dict[int, Channel]) -> Iterator[Block]:
+        count = 0
         try:
             with self._open() as database:
-                for block in blocks_of(self._messages(database, set(numbers)), numbers):
+                for block in blocks_of(self._messages(database, set(channels)), channels):
+                    count += len(block)
                     yield block
-                    taken += len(block)
-                    progress(size * min(taken, total) // total - reported)
-                    reported = size * min(taken, total) // total
         except _DAMAGE as error:
-            self._warn(f"{self._name}: reading stopped after {taken} messages: {' '.join(str(error).split())}")
-        progress(size - reported)
+            self._warn(f"{self._name}: reading stopped after {count} messages: {' '.join(str(error).split())}")
 
     @contextmanager
     def _open(self) -> Iterator[sqlite3.Connection]:
@@ -131,22 +131,10 @@ def _check_table(database: sqlite3.Connection, table: str, columns: tuple[str, .
 
 
 def _definitions(database: sqlite3.Connection) -> dict[str, tuple[str, str]]:
-    """Encoding and text of each type's definition; bags of before Iron have none."""
+    """Encoding and text of each type's definition, where that is known; bags of before Iron have none."""
     try:
         _check_table(database, "message_definitions", _DEFINITIONS)
     except ValueError:
         return {}
     rows: Any = database.execute(f"SELECT {', '.join(_DEFINITIONS)} FROM message_definitions ORDER BY id DESC")
-    return {str(kind): (str(encoding), str(text)) for kind, encoding, text in rows}
-
-
-def _channel(topic: str, kind: str, serialization: str, schemas: dict[str, tuple[str, str]]) -> Channel:
-    encoding, schema = schemas.get(kind, ("", ""))
-    known = encoding in _ENCODINGS
-    return Channel(
-        topic=topic,
-        type=kind,
-        encoding=serialization,
-        schema_encoding=encoding if known else "",
-        schema=schema if known else "",
-    )
+    return {str(kind): (encoding, str(text)) if encoding in _ENCODINGS else ("", "") for kind, encoding, text in rows}

@@ -141,7 +141,7 @@ class JointStateTopic:
 
     def _times(self, rows: JointRows, arrivals: FloatArray) -> FloatArray:
         """Stamps, or arrival times where there are none."""
-        return with_times(rows.time, lambda: arrivals[rows.index], self._arrivals.what, self._refuse_many)
+        return with_times(rows.time, arrivals[rows.index], self._arrivals.what, self._refuse_many)
 
     def _scan_graph(self) -> None:
         now = monotonic()
