@@ -125,6 +125,16 @@ def test_a_damaged_index_costs_nothing(whole: Path, tmp_path: Path) -> None:
     assert any("index" in warning for warning in warnings)
 
 
+def test_an_index_that_counts_no_messages(tmp_path: Path) -> None:
+    """A file without statistics was said to have no messages."""
+    rows = [
+        ("/joint_states", JOINT_STATE, time, joint_state(time, ["a"], position=[0.1]))
+        for time in np.linspace(1.0, 2.0, 100).tolist()
+    ]
+    path = write_mcap(tmp_path / "bag.mcap", rows, use_statistics=False)
+    assert analyze(path, WITHOUT_LEARNING).joints["a"].samples == 100
+
+
 def test_an_index_that_names_a_place_beyond_any_file(tmp_path: Path) -> None:
     """With a checksum that is right: it once cost the whole bag."""
     path = simulated_bag(tmp_path / "a.mcap", duration=2.0)
@@ -223,6 +233,9 @@ def test_missing_split_file(tmp_path: Path) -> None:
 def test_unreadable_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Issue 6: a file without permission to read it is an error in one line."""
     path = simulated_bag(tmp_path / "bag.mcap", duration=2.0)
+    # Nobody may read the packages either: they are imported before.
+    assert main(["analyze", str(path), "--no-learning"]) == 0
+    capsys.readouterr()
     path.chmod(0)
     user = os.geteuid()
     try:

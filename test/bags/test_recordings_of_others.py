@@ -280,6 +280,12 @@ def test_bags_of_ros_1(compression: str, tmp_path: Path, capsys: pytest.CaptureF
     assert main(["analyze", str(tmp_path / "a.bag"), "--no-learning", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["bags"][0]["joints"]["joint1"]["status"] == "stick_slip"
     _damage(path, np.random.default_rng(34), capsys)
+    if compression == "none":
+        # A controller's state that names a type which it does not define ended in a traceback.
+        damaged = path.read_bytes().replace(b"MSG: trajectory_msgs/Joint", b"MSG: trajectory_msgs/Other")
+        (tmp_path / "undefined.bag").write_bytes(damaged)
+        assert main(["analyze", str(tmp_path / "undefined.bag"), "--no-learning"]) == 0
+        assert "joint1" in capsys.readouterr().out
     if compression != "none":
         assert main(["analyze", str(path), "--largest-unpacked", "0.001"]) == 2
         assert "--largest-unpacked MB allows more" in capsys.readouterr().err

@@ -71,9 +71,13 @@ def test_a_recording_is_analysed_with_the_same_words(tmp_path: Path, capsys: pyt
 def test_what_needs_more_says_so_in_one_line(tmp_path: Path) -> None:
     """With the package and the command that installs it."""
     bag = simulated_bag(tmp_path / "a.mcap", duration=2.0, compression="lz4")
+    for file in ("set/meta/info.json", "set/data/chunk-000/file-000.parquet"):
+        (tmp_path / file).parent.mkdir(parents=True)
+        (tmp_path / file).write_text("{}", encoding="utf-8")
     expected: list[tuple[list[str | Path], str, str]] = [
         (["analyze", bag, "--html", "report.html"], "bokeh", "pip install bokeh"),
         (["analyze", bag, "--table", "table.parquet"], "pyarrow", "pip install pyarrow"),
+        (["analyze", tmp_path / "set"], "pyarrow", "pip install pyarrow"),
         (["analyze", bag], "lz4", "sudo apt install python3-lz4, or pip install lz4"),
         (["simulate", "--out", "b.mcap", "--duration", "1"], "mcap", "pip install mcap"),
         (["watch", "--browser"], "bokeh", "pip install bokeh"),

@@ -145,8 +145,9 @@ class McapStorage:
             except _DAMAGE:
                 self._warn(f"{self._file.name}: its index is damaged; read from the start as far as it goes")
                 return
-            # What only the data describe, and chunks that do not say what they hold, are found by reading it all.
-            if all(chunk.channels and chunk.channels <= set(self._channels) for chunk in chunks):
+            # What only the data describe, chunks that do not say what they hold, and messages that nothing has counted
+            # are found by reading it all.
+            if self._counts and all(chunk.channels and chunk.channels <= set(self._channels) for chunk in chunks):
                 self._chunks = chunks
 
     def _chunks_of(self, content: bytes) -> Iterator[_Chunk]:

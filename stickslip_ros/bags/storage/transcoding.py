@@ -32,7 +32,11 @@ def transcoded(channel: Channel) -> tuple[Channel, Transcode | None]:
     store = types(kind, channel.schema)
     if store is None or kind not in store.fielddefs:
         return channel, None
-    schema = store.generate_msgdef(kind, ros_version=2)[0]
+    try:
+        schema = store.generate_msgdef(kind, ros_version=2)[0]
+    except Exception:
+        # It names a type that it does not define: what the generator raises then cannot be listed.
+        return channel, None
     found = replace(channel, type=kind, encoding="cdr", schema_encoding="ros2msg", schema=schema)
 
     def transcode(message: bytes) -> bytes:
