@@ -15,6 +15,7 @@ from stickslip_ros.model.dimensionless import DimensionlessGroups, dimensionless
 from stickslip_ros.model.exact import cycle_persists, exact_critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint, Real
 from stickslip_ros.model.margin import damping_reserve
+from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.model.verdict import Detail, verdict
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -71,17 +72,18 @@ class Uncertainty:
     def simulated(self, gains: Gains, velocity: float) -> FloatArray:
         """Whether each of some draws of this law sticks, 1 or 0, by simulation; NaN without an answer.
 
-        For a contact that yields, which the dimensionless groups do not have.
+        For a contact that yields, which the dimensionless groups do not have. A joint on it may swing between near rest
+        and several times its speed without ever standing: this counts as half.
         """
         some = self.thinned()
 
         def sticks(number: int) -> float:
             joint = each_number(some.joint, lambda value: np.asarray(value)[number])
             drawn = replace(gains, stiffness=float(gains.stiffness) * float(some.stiffness[number]))
-            found = verdict(joint, drawn, velocity, detail=Detail.SMOOTH)
+            found = verdict(joint, drawn, velocity, detail=Detail.OUTCOME)
             if found.smooth is None:
                 return 1.0 if found.unstable or float(joint.total_damping(drawn)) < 0.0 else math.nan
-            return float(not found.smooth)
+            return 0.5 if found.outcome is Outcome.SWINGS else float(not found.smooth)
 
         return np.array([sticks(number) for number in range(len(some.stiffness))])
 

@@ -99,11 +99,12 @@ def test_slips_that_begin_slowly_are_fitted(puma: Joint) -> None:
     friction = selected.joint.friction
     assert friction.contact == "lugre"
     assert float(friction.presliding_stiffness) == pytest.approx(machine.bristle_stiffness, rel=0.1)
-    # The simulated verdict changes at 112 N·m·s/rad, the machine's, whose rests are slow motion, at 130.
-    for damping in (50.0, 200.0):
+    # From 112 N·m·s/rad on the joint never stands, and up to some 250 it swings between near rest and three times its
+    # speed: it neither sticks nor moves smoothly, and nothing is sure.
+    for damping, expected in ((50.0, 1.0), (200.0, 0.5), (400.0, 0.0)):
         tried = replace(gains, damping=damping)
-        probability = stick_slip_probability(selected.uncertainty, tried, 0.005)
-        assert probability == pytest.approx(float(sticks(machine, tried, 0.005)), abs=0.05)
+        assert stick_slip_probability(selected.uncertainty, tried, 0.005) == pytest.approx(expected, abs=0.05)
+        assert sticks(machine, tried, 0.005) is (expected == 1.0)
 
 
 def test_a_load_is_distinguished_to_and_fro(puma: Joint) -> None:

@@ -386,13 +386,19 @@ def _screened(windows: list[SlipWindow], known: FloatArray | None) -> Iterator[F
 
 
 def _explaining_fit(windows: list[SlipWindow], law: str, start: FloatArray) -> BristleFit | None:
-    """The fit of one Stribeck curve; None if it leaves anything over, or does not show the stiffness of the contact."""
+    """The fit of one Stribeck curve; None if it leaves anything over, or does not show the stiffness of the contact.
+
+    A contact that yields by less than is read of the position does not show, however small the errors: slips of other
+    friction are fitted so.
+    """
     fit = _Fit(windows, law, start, Budget(_MOST_STEPS))
     point = _fitted(fit, start, _TIGHTENING, iterations=60, enough=1e-3)
     if point is None or not _explains(fit, point):
         return None
     covariance = fit.covariance(point)
-    if not covariance[STIFFNESS, STIFFNESS] < _SHOWN**2:
+    plant = np.exp(point.parameters)
+    yielding = (plant[COULOMB] + plant[STRIBECK]) / plant[STIFFNESS]
+    if yielding < fit.data.least_reading or not covariance[STIFFNESS, STIFFNESS] < _SHOWN**2:
         return None
     return BristleFit(
         law=law,

@@ -103,6 +103,8 @@ class SlipData:
         self.first_times, self.last_times = self.times[self.edges[:-1]], self.times[self.edges[1:] - 1]
         self.sample_interval = float(np.median([window.sample_interval for window in windows]))
         self.usual_speed = float(np.median(self.distances / self.durations))
+        # What is read of the position at least, a count or the noise [rad].
+        self.least_reading = float(np.median([max(window.resolution, window.noise) for window in windows]))
         self._collect_observations()
         self.follows = np.array([False] + [follows_on(*pair) for pair in pairwise(windows)])
         self.groups, self.speeds, self.speed_errors = self._reference_speeds()
