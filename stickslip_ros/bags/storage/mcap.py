@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections import Counter
 from collections.abc import Callable, Iterator
 from enum import IntEnum
 from typing import IO, NamedTuple
@@ -93,9 +94,9 @@ class McapStorage:
         warn, self._warn = self._warn, problems.append
         try:
             for block in self._from_start(lambda _: None):
-                for number, count in zip(*np.unique(block.channel, return_counts=True), strict=True):
-                    channel = block.channels[int(number)]
-                    counts[channel] = counts.get(channel, 0) + int(count)
+                for number, count in Counter(block.channel.tolist()).items():
+                    channel = block.channels[number]
+                    counts[channel] = counts.get(channel, 0) + count
         finally:
             # Problems are reported when the messages are read, unless there are none.
             self._warn = warn
@@ -305,11 +306,10 @@ class McapStorage:
 
     def _block(self, buffer: Bytes, table: Integers) -> Block:
         # Only its own channels: a file may have as many as messages, and describe one anew further on.
-        column, least = table[:, kernel.CHANNEL], table[:, kernel.CHANNEL].min()
-        numbers = (least + np.flatnonzero(np.bincount(column - least))).tolist()  # np.unique takes five times as long
-        channels = {number: self._channels[number] for number in numbers if number in self._channels}
+        numbers = set(table[:, kernel.CHANNEL].tolist())
+        channels = {number: self._channels[number] for number in numbers & self._channels.keys()}
         if len(channels) < len(numbers):
-            known = np.isin(column, list(channels))
+            known = np.isin(table[:, kernel.CHANNEL], list(channels))
             self._unknown += int((~known).sum())
             table = table[known]
         return Block(
