@@ -70,8 +70,11 @@ _OF_SWING, _OF_DECAY, _OF_YIELDING, _OF_FALL = 0.33, 1.0, 2.0, 0.33
 _STEP = 1e-4  # difference of a logarithm, and of a load in Stribeck frictions, for a slope, 1
 _WAY = 2e-5  # difference of a rest's position for a slope, of the slip distance
 _LONGEST_STEP, _FARTHEST = 0.7, 0.05  # change of a logarithm; of a rest, in slip distances, by an iteration: at most
-_ATTEMPTS = 8  # dampings tried in an iteration, 1
-_ENDS = 0.1  # gain of an iteration, 1: with less a fit has ended
+_ATTEMPTS = 12  # dampings tried in an iteration, 1
+# Factors of the damping after an iteration that fails and one that gains, and least damping. The valley of viscous and
+# Stribeck friction is long and bent: by factors of ten a fit crept along it and ended where it was.
+_MORE, _LESS, _LEAST = 3.0, 0.25, 1e-7
+_ENDS = 0.01  # gain of an iteration, 1: with less a fit has ended
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -289,7 +292,7 @@ class _Fit:
                 try:
                     step = -np.linalg.solve(damped - (mixed / band) @ mixed.T, gradient - (mixed / band) @ own_gradient)
                 except LinAlgError:
-                    damping *= 10.0
+                    damping = _MORE * max(damping, _LEAST)
                     continue
                 step *= min(1.0, _LONGEST_STEP / max(float(np.abs(step[:LOAD]).max()), _LONGEST_STEP))
                 most = _FARTHEST * data.distances
@@ -299,10 +302,10 @@ class _Fit:
                 found = self.point(parameters, rests)
                 if found.cost < point.cost:
                     break
-                damping = 10.0 * max(damping, 1e-6)
+                damping = _MORE * max(damping, _LEAST)
             if not found.cost < point.cost:
                 break
-            gain, point, damping = point.cost - found.cost, found, 0.1 * damping
+            gain, point, damping = point.cost - found.cost, found, _LESS * damping
             if gain < max(enough * point.cost, _ENDS):
                 break
         return point
