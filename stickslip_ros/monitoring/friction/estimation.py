@@ -120,9 +120,9 @@ def fitted_laws(
 
     Parameters
     ----------
-    start : logarithms that fitted earlier slips under the paper's law, or None. rejected : laws that these excluded.
-        yields : whether these were of a contact that yields. bristles : parameters of a joint on bristles that fitted
-        them, or None. most_steps : of simulation; then the fits end where they are.
+    start : logarithms that fitted earlier slips under the paper's law, or None. rejected : laws that these excluded,
+        and LUGRE if they excluded bristles. yields : whether these were of a contact that yields. bristles : parameters
+        of a joint on bristles that fitted them, or None. most_steps : of simulation; then the fits end where they are.
     """
     windows = _of_known_directions(windows, np.ones(len(windows), dtype=bool))
     budget = Budget(most_steps)
