@@ -50,7 +50,7 @@ _LEAST_SLIPS = 4  # usable slips, 1: at least, as in a first study
 _FEW, _OBSERVATIONS = 8, 60  # slips and observations of each while a start is searched, 1
 _OUTLIER = 3.0  # mean square of a slip's residuals, 1: a slip with more, as two in one, is set aside
 _MOST_ASIDE = 0.25  # slips set aside, of all: with more the joint is another one
-_MOST_STEPS, _MOST_SEARCH = 2e7, 3e6  # steps of simulation for one Stribeck curve, 1: 2 s of a core; for a start
+_MOST_STEPS, _MOST_SEARCH = 2e7, 3e6  # steps of simulation for all fits, 1: 2 s of a core; for a start
 _SHOWN = 0.15  # standard error of σ₀, of it: with more the slips do not show a contact that yields
 _SCREENING = (0.03, 0.01)  # tolerances of positions in the search for a start, of the slip distance
 _SCREENED, _TRIED = 2.0, 2  # mean square of residuals, 1: with less a start is good enough; of those so many are tried
@@ -370,9 +370,12 @@ def bristle_fits(windows: list[SlipWindow], start: FloatArray | None = None) -> 
     windows = [window for window in windows if window.source is ForceSource.GAINS]
     if len(windows) < _LEAST_SLIPS:
         return ()
-    windows = _spread(windows, MOST_ON_BRISTLES)
+    windows, budget = _spread(windows, MOST_ON_BRISTLES), Budget(_MOST_STEPS)
     for begin in islice(_screened(windows, start), _TRIED):
-        found = [fit for law in LAWS if (fit := _explaining_fit(windows, law, begin)) is not None]
+        found = [fit for law in LAWS if (fit := _explaining_fit(windows, law, begin, budget)) is not None]
+        if budget.spent:
+            # A curve whose fit did not come to its end is not excluded.
+            break
         if found:
             return _weighed(found)
     return ()
@@ -388,14 +391,14 @@ def _screened(windows: list[SlipWindow], known: FloatArray | None) -> Iterator[F
             yield point.parameters
 
 
-def _explaining_fit(windows: list[SlipWindow], law: str, start: FloatArray) -> BristleFit | None:
+def _explaining_fit(windows: list[SlipWindow], law: str, start: FloatArray, budget: Budget) -> BristleFit | None:
     """The fit of one Stribeck curve; None if it leaves anything over, or does not show the stiffness of the contact.
 
     A contact that yields by less than is read of the position does not show, however small the errors: slips of other
     friction are fitted so.
     """
-    fit = _Fit(windows, law, start, Budget(_MOST_STEPS))
-    point = _fitted(fit, start, _TIGHTENING, iterations=60, enough=1e-3)
+    fit = _Fit(windows, law, start, budget)
+    point = _fitted(fit, start, _TIGHTENING, iterations=30, enough=1e-3)
     if point is None or not _explains(fit, point):
         return None
     covariance = fit.covariance(point)
