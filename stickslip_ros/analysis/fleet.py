@@ -28,7 +28,7 @@ from stickslip_ros.analysis.analysis_json import bag_json
 from stickslip_ros.analysis.report.report import write_report
 from stickslip_ros.bags.lerobot import episodes, is_data_set
 from stickslip_ros.bags.storage.formats import files_of, is_bag_file, is_bag_folder
-from stickslip_ros.errors import StickSlipError, in_words, optional_packages
+from stickslip_ros.errors import StickSlipError, in_words
 from stickslip_ros.files import write_whole
 from stickslip_ros.interrupts import check, take_signals, without_interrupts
 from stickslip_ros.parent_death import die_with_parent
@@ -109,8 +109,7 @@ def find_bags(paths: Sequence[Path]) -> list[Path]:
 
 def _bags_in(folder: Path) -> list[Path]:
     if is_data_set(folder):
-        with optional_packages(f"data set {folder}: reading it"):
-            return episodes(folder)
+        return episodes(folder)
     found: list[Path] = []
     for path in sorted(folder.iterdir()):
         if path.is_dir():

@@ -23,6 +23,7 @@ import numpy as np
 from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table_columns import POSITION, Named, factor_of, spelled_unit
 from stickslip_ros.bags.table_files import ParquetFile
+from stickslip_ros.errors import optional_packages
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.regular_files import open_regular, read_regular
 
@@ -68,13 +69,16 @@ def episodes(folder: Path) -> list[Path]:
     ------
     OSError
         If a folder or file of it cannot be read.
+    StickSlipError
+        If the package pyarrow is missing, and files do not name their episodes.
     """
     numbers: set[int] = set()
     damaged = []
-    for file in _data_files(folder):
-        there = _numbers_in(file)
-        numbers |= there
-        damaged += [] if there else [file]
+    with optional_packages(f"data set {folder}: reading it"):
+        for file in _data_files(folder):
+            there = _numbers_in(file)
+            numbers |= there
+            damaged += [] if there else [file]
     return [*(folder / f"episode_{number:06d}" for number in sorted(numbers)[:_MOST_EPISODES]), *damaged]
 
 

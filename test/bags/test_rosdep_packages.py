@@ -78,6 +78,8 @@ def test_what_needs_more_says_so_in_one_line(tmp_path: Path) -> None:
         (["analyze", bag, "--html", "report.html"], "bokeh", "pip install bokeh"),
         (["analyze", bag, "--table", "table.parquet"], "pyarrow", "pip install pyarrow"),
         (["analyze", tmp_path / "set"], "pyarrow", "pip install pyarrow"),
+        (["identify", tmp_path / "set"], "pyarrow", "pip install pyarrow"),
+        (["convert", tmp_path / "set", "--out", tmp_path / "set.mcap"], "pyarrow", "pip install pyarrow"),
         (["analyze", bag], "lz4", "sudo apt install python3-lz4, or pip install lz4"),
         (["simulate", "--out", "b.mcap", "--duration", "1"], "mcap", "pip install mcap"),
         (["watch", "--browser"], "bokeh", "pip install bokeh"),
