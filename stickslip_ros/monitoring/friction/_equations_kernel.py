@@ -14,6 +14,7 @@ import numpy as np
 from stickslip_ros.compilation import helper
 from stickslip_ros.compilation import kernel as compiled
 from stickslip_ros.model import _friction_law
+from stickslip_ros.model.bounds import TINY
 from stickslip_ros.monitoring.friction._window_kernel import (
     ARREST,
     BREAKAWAY,
@@ -42,6 +43,8 @@ WEAK = 1e-4  # weight of the detected breakaway, of that of the data
 LARGEST_RESIDUAL = 1e150  # residual, standard deviations: any larger one is as bad, and its square is still finite
 _NOTHING_LEFT = 1e-12  # Stribeck friction that is left, of the level
 _LEAST_DWELL = 1e-3  # dwell, of the detected one
+_LEAST, _LEAST_KINETIC = 1e-14, 1e-12  # addition to the diagonal of normal equations, of their trace
+_REWEIGHTINGS, _SMALL = 10, 1e-3  # of the kinetic friction; misfit by which no weight grows any more, of the median
 
 # Helpers, for what is inlined at many places takes numba long to go through.
 _risen_level = helper()(_friction_law.risen_level)
@@ -275,4 +278,119 @@ def solve_band(band, right):
                 right[i, c] -= band[ahead, i] * right[i + ahead, c]
         for c in range(right.shape[1]):
             right[i, c] /= band[0, i]
+    return True
+
+
+@compiled(nogil=True)
+def eliminate(matrix, gradient, mixed, band, slope, damping):
+    """Eliminate the slips' unknowns from the equations of :func:`collect`, the diagonal of their part damped.
+
+    Returns whether that part is positive definite; the Schur complement and the gradient of parameters and kinetic
+    friction; and the solutions for the unknowns of ``mixed`` and of ``slope``, in the columns of one array.
+    """
+    size, columns = mixed.shape
+    root, solved = band.copy(), np.empty((size, columns + 1))
+    root[0] *= 1.0 + damping
+    solved[:, :columns] = mixed
+    solved[:, columns] = slope
+    reduced, left = matrix.copy(), gradient.copy()
+    definite = solve_band(root, solved)
+    for m in range(size):
+        for i in range(columns):
+            # Unknowns of a slip have no part in many of the columns.
+            if mixed[m, i] != 0.0:
+                for j in range(columns):
+                    reduced[i, j] -= mixed[m, i] * solved[m, j]
+                left[i] -= mixed[m, i] * solved[m, columns]
+    return definite, reduced, left, solved
+
+
+@compiled(nogil=True)
+def damped_step(
+    matrix, gradient, mixed, band, slope, damping, information, pull, parameters, lower, upper, longest
+):  # fmt: skip
+    """Step of Levenberg and Marquardt by the equations of :func:`collect`, with a prior.
+
+    ``information`` is the prior's, ``pull`` its gradient; no parameter changes by more than ``longest``. Parameters
+    that would leave their bounds stay on them.
+
+    Returns whether the equations are positive definite; the step of parameters and kinetic friction; and that of the
+    slips' unknowns, shape (slips, 3).
+    """
+    definite, full, left, solved = eliminate(matrix, gradient, mixed, band, slope, damping)
+    size, shared = len(left), len(parameters)
+    step, own = np.zeros(size), np.empty((len(slope) // UNKNOWNS, UNKNOWNS))
+    if not definite:
+        return False, step, own
+    for i in range(shared):
+        left[i] += pull[i]
+        for j in range(shared):
+            full[i, j] += information[i, j]
+    trace = np.trace(full)
+    for i in range(size):
+        full[i, i] += damping * full[i, i] + _LEAST * trace
+    free = np.arange(size)
+    while True:
+        # A full matrix is a band of all its diagonals.
+        count = len(free)
+        every, right = np.zeros((count, count)), np.empty((count, 1))
+        for i in range(count):
+            right[i, 0] = left[free[i]]
+            for j in range(i + 1):
+                every[i - j, j] = full[free[i], free[j]]
+        if not solve_band(every, right):
+            return False, step, own
+        step[:] = 0.0
+        for i in range(count):
+            step[free[i]] = right[i, 0]
+        stays = np.zeros(size, dtype=np.bool_)
+        for k in range(shared):
+            stays[k] = (parameters[k] <= lower[k] and step[k] < 0.0) or (parameters[k] >= upper[k] and step[k] > 0.0)
+        if not stays.any():
+            break
+        free = free[~stays[free]]
+    most = 0.0
+    for k in range(shared):
+        most = max(most, abs(step[k]))
+    if most > longest:
+        step *= longest / most
+    for n in range(own.shape[0]):
+        for a in range(UNKNOWNS):
+            own[n, a] = solved[n * UNKNOWNS + a, size]
+            for i in range(size):
+                own[n, a] -= solved[n * UNKNOWNS + a, i] * step[i]
+    return True, step, own
+
+
+@compiled(nogil=True)
+def fill_kinetic(balance, usable, target, kinetic):
+    """Fill the kinetic friction that balances most of the forces ``target``, shape (slips,).
+
+    Least absolute deviations by reweighting, of the slips that are usable. False if they do not show it.
+    """
+    count, size = balance.shape
+    weights, misfits = usable.astype(np.float64), np.empty(count)
+    for _ in range(_REWEIGHTINGS):
+        band, right = np.zeros((size, size)), np.zeros((size, 1))
+        for n in range(count):
+            for i in range(size):
+                weighted = weights[n] * balance[n, i]
+                right[i, 0] += weighted * target[n]
+                for j in range(i + 1):
+                    band[i - j, j] += weighted * balance[n, j]
+        # Of a speed at which no slip is usable nothing is known.
+        band[0] += _LEAST_KINETIC * band[0].sum()
+        if not solve_band(band, right):
+            return False
+        for i in range(size):
+            kinetic[i] = right[i, 0]
+        for n in range(count):
+            misfit = target[n]
+            for i in range(size):
+                misfit -= balance[n, i] * kinetic[i]
+            misfits[n] = abs(misfit)
+        least = _SMALL * np.median(misfits) + TINY
+        for n in range(count):
+            weights[n] = usable[n] / max(misfits[n], least)
+        weights /= weights.max()
     return True

@@ -45,10 +45,17 @@ POSITION, BREAKAWAY, LEVEL = range(3)
 HOLDING_FORCE, ARREST, ARREST_POSITION, STRIBECK_FRACTION, WENT_ON = range(5)
 FOUND_COLUMNS = WENT_ON + 1
 COMPLIANCE, DAMPING = range(2)  # columns of a contact
+# Of the slips together: median duration, longest duration, median speed.
+USUAL_DURATION, LONGEST_DURATION, USUAL_SPEED = range(3)
 # Columns of a variant's steps: the longest one, the longest where the joint hardly moves, and by how much a step may be
 # longer for each Stribeck velocity that the joint had one lag ago.
-COARSE, FINE, GROWTH = range(3)
+_COARSE, _FINE, _GROWTH = range(3)
 
+# Steps: parts of a radian of the spring's, of the time in which speed decays, of that in which the Stribeck friction
+# changes, which is that of the speeding up to the Stribeck velocity and some of the lag.
+_OF_RADIAN, _OF_DECAY, _OF_CHANGE, _OF_LAG = 0.4, 0.5, 0.25, 0.3
+_SPEEDING_UP = 0.25  # time in which the joint comes up to the slip's mean speed, of the slip
+_LEAST_RATE, _MOST_RATE = 4.0, 400.0  # steps in a slip, 1: at least, and at most
 _MOST_SLIPS = 64  # slips in a window, 1: with more, ever shorter ones, the joint rests as far as can be seen
 _MOST_STEPS = 1e5  # steps of a window, 1: at most
 # Time in which a slip may end, of the time until the end of its window, 1: encoders do not show the last part.
@@ -155,7 +162,7 @@ def _slide(
     vector, forces, shapes, dragged = np.empty(COLUMNS), np.empty(POINTS), np.empty(POINTS), np.zeros(POINTS)
     values, unscaled = np.empty(POINTS), np.ones(POINTS)
     unit, lag = plant[STRIBECK_VELOCITY], plant[LAG]
-    before_fall = math.ceil(lag / steps[COARSE] - _NO_STEP)
+    before_fall = math.ceil(lag / steps[_COARSE] - _NO_STEP)
     way, speed = 0.0, creep
     acceleration = (surplus - (plant[VISCOUS] + drag * creep) * creep) / plant[INERTIA]
     cursor, past = node, 0
@@ -167,8 +174,8 @@ def _slide(
         else:
             past = _step_at(elapsed - lag, past, index, spans)
             ratio = max(_velocity(elapsed - lag, past, spans, polynomials), 0.0) if index > 0 else 0.0
-            size, which = steps[COARSE], 1
-            while which <= halvings and size > steps[FINE] + steps[GROWTH] * ratio:
+            size, which = steps[_COARSE], 1
+            while which <= halvings and size > steps[_FINE] + steps[_GROWTH] * ratio:
                 size *= 0.5
                 which += 1
         matrix = matrices[which]
@@ -274,10 +281,28 @@ def _slide(
     return math.inf, way, 1.0, last, index
 
 
+@helper()
+def _fill_steps(plant, gains, usual, sampled, steps):
+    """Steps of the simulation [s], smooth in the parameters, with stiffness and damping of each slip's gains."""
+    stiffness, damping = gains[0, 0], gains[0, 1]
+    for n in range(1, gains.shape[0]):
+        stiffness, damping = max(stiffness, gains[n, 0]), max(damping, gains[n, 1])
+    inertia, duration = plant[INERTIA], usual[USUAL_DURATION]
+    frequency = math.sqrt(stiffness / inertia) if stiffness > 0.0 else 2.0 * math.pi / duration
+    most_rate = _MOST_RATE / usual[LONGEST_DURATION]
+    rate = max(frequency / _OF_RADIAN, (plant[VISCOUS] + damping) / inertia / _OF_DECAY)
+    coarse = 1.0 / min(max(rate, _LEAST_RATE / duration), most_rate)
+    growth = _OF_CHANGE * plant[STRIBECK_VELOCITY] * _SPEEDING_UP * duration / usual[USUAL_SPEED]
+    fine = max(growth + _OF_CHANGE * _OF_LAG * plant[LAG], 1.0 / most_rate)
+    # A sampled force has a bend at every sample. Steps of one length keep the error by them smooth.
+    steps[_COARSE], steps[_FINE] = min(coarse, fine) if sampled else coarse, fine
+    steps[_GROWTH] = 0.0 if sampled else growth
+
+
 @compiled(nogil=True)
 def simulate_windows(
-    parameters, law, directions, starts, surpluses, gains, drags, contacts, standing, edges, times, drives, steps,
-    positions, velocities, found,
+    parameters, law, directions, starts, surpluses, gains, drags, contacts, standing, edges, times, drives, usual,
+    sampled, positions, velocities, found,
 ):  # fmt: skip
     """Simulate slip n from its start over the nodes ``edges[n]`` to ``edges[n + 1]``, by a law of ``_friction_law``.
 
@@ -293,14 +318,18 @@ def simulate_windows(
     from the speed of that when it breaks away, without the damping; when it stops it springs back, by what friction has
     been more than the force.
 
+    ``usual`` is of the slips together; ``sampled`` is whether the force is one of samples.
+
     Returns the number of steps.
     """
     total = 0
     room = 0.0
+    steps = np.empty((parameters.shape[0], _GROWTH + 1))
     for variant in range(parameters.shape[0]):
-        smallest = steps[variant, COARSE]
+        _fill_steps(parameters[variant], gains[variant % gains.shape[0]], usual, sampled, steps[variant])
+        smallest = steps[variant, _COARSE]
         for _ in range(_HALVINGS):
-            if smallest > steps[variant, FINE]:
+            if smallest > steps[variant, _FINE]:
                 smallest *= 0.5
         for n in range(directions.shape[0]):
             needed = _LONGEST * (times[edges[n + 1] - 1] - starts[variant, n, BREAKAWAY]) / smallest

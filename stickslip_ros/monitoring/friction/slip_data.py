@@ -103,6 +103,7 @@ class SlipData:
         self.first_times, self.last_times = self.times[self.edges[:-1]], self.times[self.edges[1:] - 1]
         self.sample_interval = float(np.median([window.sample_interval for window in windows]))
         self.usual_speed = float(np.median(self.distances / self.durations))
+        self.usual = np.array([self.usual_duration, self.durations.max(), self.usual_speed])  # for the windows' kernel
         # What is read of the position at least, a count or the noise [rad].
         self.least_reading = float(np.median([max(window.resolution, window.noise) for window in windows]))
         self._collect_observations()

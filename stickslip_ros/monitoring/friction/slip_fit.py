@@ -16,7 +16,6 @@ from numpy.linalg import LinAlgError
 from numpy.typing import NDArray
 
 from stickslip_ros.model._friction_law import risen_level
-from stickslip_ros.model.bounds import TINY
 from stickslip_ros.monitoring.friction import _equations_kernel as kernel
 from stickslip_ros.monitoring.friction._equations_kernel import HUBER, LARGEST_RESIDUAL, UNKNOWNS
 from stickslip_ros.monitoring.friction._window_kernel import (
@@ -28,7 +27,6 @@ from stickslip_ros.monitoring.friction._window_kernel import (
     SHAPE,
     WENT_ON,
 )
-from stickslip_ros.monitoring.friction.slip_data import SlipData
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -36,7 +34,6 @@ _STEP = 1e-4  # difference of a logarithm for a slope, 1
 _LONGEST_STEP = 0.7  # change of a logarithm by an iteration, 1: at most
 _ATTEMPTS = 8  # dampings tried in an iteration, 1
 _ENOUGH_OF_OWN = 0.02  # gain of an iteration on the slips' own unknowns alone, of the cost
-_LEAST = 1e-12  # addition to the diagonal of normal equations, of their trace
 _FIXED = 1e-5  # prior standard deviation of a logarithm, 1: a narrower prior holds a parameter
 
 
@@ -141,18 +138,12 @@ class _Equations:
         numpy.linalg.LinAlgError
             If the unknowns' part of the matrix is not positive definite.
         """
-        band = self.band.copy()
-        band[0] *= 1.0 + damping
-        solved = np.column_stack([self.mixed, self.step])
-        if not kernel.solve_band(band, solved):
-            raise LinAlgError("the equations of the slips are not positive definite")
-        by_parameters, by_slope = solved[:, :-1], solved[:, -1]
-        return (
-            self.matrix - self.mixed.T @ by_parameters,
-            self.gradient - self.mixed.T @ by_slope,
-            by_parameters,
-            by_slope,
+        definite, matrix, gradient, solved = kernel.eliminate(
+            self.matrix, self.gradient, self.mixed, self.band, self.step, damping
         )
+        if not definite:
+            raise LinAlgError("the equations of the slips are not positive definite")
+        return matrix, gradient, solved[:, :-1], solved[:, -1]
 
 
 class _Fit:
@@ -178,6 +169,15 @@ class _Fit:
         )  # fmt: skip
         self._before = np.array(problem.before or (0.0, 0.0))
         self._scale = problem.noise.counted / problem.noise.errors
+        # How far the equations hold, and when a slip has begun at the latest.
+        self._farthest = np.stack([4.0 * data.rest_errors, 0.1 * data.durations, np.full(data.count, 0.7)], axis=1)
+        self._latest = data.last_times - 0.2 * data.durations
+
+    def moved(self, unknowns: FloatArray, step: FloatArray) -> FloatArray:
+        """The unknowns after a step, each no further than where the equations hold."""
+        moved = unknowns + np.clip(step, -self._farthest, self._farthest)
+        moved[:, BREAKAWAY] = np.clip(moved[:, BREAKAWAY], self.problem.data.first_times, self._latest)
+        return moved
 
     def evaluate(self, parameters: FloatArray, unknowns: FloatArray, kinetic: FloatArray) -> SlipFit:
         problem, data = self.problem, self.problem.data
@@ -208,17 +208,9 @@ class _Fit:
         """Kinetic friction that balances most breakaways: least absolute deviations, by reweighting."""
         problem = self.problem
         target = found[:, HOLDING_FORCE] - np.exp(unknowns[:, LEVEL])
-        weights = problem.noise.usable.astype(float)
         kinetic = np.zeros(problem.balance.shape[1])
-        for _ in range(10):
-            weighted = problem.balance * weights[:, None]
-            products = weighted.T @ problem.balance
-            # Of a speed at which no slip is usable nothing is known.
-            products += _LEAST * np.trace(products) * np.eye(len(products))
-            kinetic = np.linalg.solve(products, weighted.T @ target)
-            misfit = np.abs(target - problem.balance @ kinetic)
-            weights = problem.noise.usable / np.maximum(misfit, 1e-3 * np.median(misfit) + TINY)
-            weights /= weights.max()
+        if not kernel.fill_kinetic(problem.balance, problem.noise.usable, target, kinetic):
+            raise LinAlgError("no slip shows the kinetic friction")
         return kinetic
 
     def equations(self, point: SlipFit, active: Collection[int]) -> _Equations:
@@ -316,30 +308,24 @@ def fit_slips(
     if not math.isfinite(point.cost):
         raise LinAlgError("the start of the fit cannot be simulated")
     size = len(parameters)
-    weight = np.zeros((fit.columns, fit.columns))
-    weight[:size, :size] = prior.information
     damping = 1e-3
     for _ in range(iterations):
         if problem.budget.spent:
             break
         equations = fit.equations(point, fit.free)
-        pull = np.zeros(fit.columns)
-        pull[:size] = prior.information @ (prior.mean - point.parameters)
+        pull = prior.information @ (prior.mean - point.parameters)
         before = point
         for _ in range(_ATTEMPTS):
-            try:
-                reduced, gradient, by_parameters, by_slope = equations.eliminate(damping)
-                full = reduced + weight
-                full += damping * np.diag(np.diag(full)) + 1e-14 * np.trace(full) * np.eye(fit.columns)
-                step = _step_within(full, gradient + pull, point.parameters, prior)
-            except LinAlgError:
+            definite, step, own = kernel.damped_step(
+                equations.matrix, equations.gradient, equations.mixed, equations.band, equations.step, damping,
+                prior.information, pull, point.parameters, prior.lower, prior.upper, _LONGEST_STEP,
+            )  # fmt: skip
+            if not definite:
                 damping = max(damping, 1e-6) * 10.0
                 continue
-            step *= min(1.0, _LONGEST_STEP / max(float(np.max(np.abs(step[:size]))), TINY))
-            own = (by_slope - by_parameters @ step).reshape(-1, UNKNOWNS)
             candidate = fit.evaluate(
                 np.clip(point.parameters + step[:size], prior.lower, prior.upper),
-                _moved(problem.data, point.unknowns, own),
+                fit.moved(point.unknowns, own),
                 point.kinetic + step[size:],
             )
             if candidate.cost < point.cost:
@@ -388,7 +374,7 @@ def fit_at_fixed_parameters(
         before = point.cost
         while damping < 1.0:
             own = equations.eliminate(damping)[3].reshape(-1, UNKNOWNS)
-            candidate = fit.evaluate(parameters, _moved(problem.data, point.unknowns, own), kinetic)
+            candidate = fit.evaluate(parameters, fit.moved(point.unknowns, own), kinetic)
             if candidate.cost < point.cost:
                 point = candidate
                 break
@@ -397,34 +383,6 @@ def fit_at_fixed_parameters(
         if before - point.cost < _ENOUGH_OF_OWN * max(1.0, point.cost):
             break
     return fit.scored(point) if scored else point
-
-
-def _step_within(matrix: FloatArray, slope: FloatArray, parameters: FloatArray, prior: Prior) -> FloatArray:
-    """Step of parameters and kinetic friction, shape (p + k,); parameters that would leave their bounds stay on them.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If the matrix is singular.
-    """
-    step = np.asarray(np.linalg.solve(matrix, slope))
-    free, size = np.ones(len(step), dtype=bool), len(parameters)
-    while True:
-        leaves = (parameters <= prior.lower) & (step[:size] < 0.0) | (parameters >= prior.upper) & (step[:size] > 0.0)
-        if not leaves.any():
-            return step
-        free[:size] &= ~leaves
-        step = np.zeros(len(step))
-        step[free] = np.linalg.solve(matrix[np.ix_(free, free)], slope[free])
-
-
-def _moved(data: SlipData, unknowns: FloatArray, step: FloatArray) -> FloatArray:
-    """The unknowns after a step, each no further than where the equations hold."""
-    limits = np.stack([4.0 * data.rest_errors, 0.1 * data.durations, np.full(data.count, 0.7)], axis=1)
-    moved = unknowns + np.clip(step, -limits, limits)
-    latest = data.last_times - 0.2 * data.durations
-    moved[:, BREAKAWAY] = np.clip(moved[:, BREAKAWAY], data.first_times, latest)
-    return moved
 
 
 def robust(residuals: FloatArray) -> float:

@@ -24,10 +24,7 @@ from stickslip_ros.monitoring.friction import _window_kernel as kernel
 from stickslip_ros.monitoring.friction._window_kernel import (
     FITTED,
     INERTIA,
-    LAG,
     LEVEL,
-    STRIBECK_VELOCITY,
-    VISCOUS,
 )
 from stickslip_ros.monitoring.friction.slip_data import NoiseModel, SlipData
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
@@ -35,12 +32,7 @@ from stickslip_ros.monitoring.samples import FloatArray
 
 PARAMETERS = len(FITTED)  # beyond them stands what else slips have in common: see `SlipProblem.terms`
 
-# Steps of the simulation: parts of a radian of the spring's, of the time in which speed decays, of that in which the
-# Stribeck friction changes, which is that of the speeding up to the Stribeck velocity and some of the lag.
-_OF_RADIAN, _OF_DECAY, _OF_CHANGE, _OF_LAG = 0.4, 0.5, 0.25, 0.3
-_SPEEDING_UP = 0.25  # time in which the joint comes up to the slip's mean speed, of the slip
 _SPREAD_SLIPS, _SPREAD_OBSERVATIONS = 12, 60  # slips from everywhere, and observations of each, 1: at most
-_LEAST_STEPS, _MOST_STEPS = 4.0, 400.0  # steps in a slip, 1: at least, and at most
 
 Term = TypeVar("Term", bound="SlipTerm")
 
@@ -304,7 +296,7 @@ class SlipProblem:
         drags, standing, drives = map(np.ascontiguousarray, (variants.drags, variants.standing, variants.drives))
         self.budget.steps -= kernel.simulate_windows(
             plants, self.model.law, data.directions, variants.starts, surpluses, gains, drags, variants.contacts,
-            standing, data.edges, data.times, drives, self._steps(plants, gains), positions, velocities, found,
+            standing, data.edges, data.times, drives, data.usual, not data.normalised, positions, velocities, found,
         )  # fmt: skip
         for term in self.model.terms:
             term.correct(variants, self, positions, found)
@@ -328,22 +320,6 @@ class SlipProblem:
             parameters, plants, levels, starts, gains, drives,
             drags=self._none, contacts=self._rigid, standing=self._none, stopped=self._none,
         )  # fmt: skip
-
-    def _steps(self, plants: FloatArray, gains: FloatArray) -> FloatArray:
-        """Steps of the simulation [s], smooth in the parameters: columns of the kernel, shape (variants, 3)."""
-        data = self.data
-        inertia = plants[:, INERTIA]
-        stiffness, damping = gains.max(axis=1).T
-        frequency = np.where(stiffness > 0, np.sqrt(stiffness / inertia), 2.0 * math.pi / data.usual_duration)
-        coarse = np.maximum(frequency / _OF_RADIAN, (plants[:, VISCOUS] + damping) / inertia / _OF_DECAY)
-        least_rate, most_rate = _LEAST_STEPS / data.usual_duration, _MOST_STEPS / float(data.durations.max())
-        coarse = 1.0 / np.minimum(np.maximum(coarse, least_rate), most_rate)
-        growth = _OF_CHANGE * plants[:, STRIBECK_VELOCITY] * _SPEEDING_UP * data.usual_duration / data.usual_speed
-        fine = np.maximum(growth + _OF_CHANGE * _OF_LAG * plants[:, LAG], 1.0 / most_rate)
-        if not data.normalised:
-            # A sampled force has a bend at every sample. Steps of one length keep the error by them smooth.
-            coarse, growth = np.minimum(coarse, fine), np.zeros(len(plants))
-        return np.stack([coarse, fine, growth], axis=1)
 
     def thinned(self, most: int) -> SlipProblem:
         """The problem with at most so many observations of each slip."""
