@@ -11,12 +11,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from stickslip_ros.model.friction import Gains
-from stickslip_ros.monitoring.advice.adviser import Advice
-from stickslip_ros.monitoring.advice.recommendation import Kind
+from stickslip_ros.monitoring.advice.recommendation import Advice, Kind
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.friction.estimate import NAMES, FrictionEstimate, ParameterEstimate
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
-from stickslip_ros.monitoring.selected_model import select_model
+from stickslip_ros.monitoring.margin_prediction import select_model
 from stickslip_ros.monitoring.uncertainty import stick_slip_probability
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test" / "monitoring"))

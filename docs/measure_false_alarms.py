@@ -128,7 +128,9 @@ def print_false_alarms(rows: Iterable[tuple[str, Iterable[Batch]]]) -> None:
 
 def rests_of(batch: Batch) -> list[Rest]:
     """The rests of a motion without its reference: no threshold has a say in them."""
-    return [rest for rest in RestDetector().feed(without_reference(batch)) if rest.complete]
+    detector = RestDetector()
+    found = (detector.rest_at(complete=True) for _ in detector.motion.follow(without_reference(batch)))
+    return [rest for rest in found if rest is not None]
 
 
 def set_threshold(enough: float) -> None:

@@ -16,8 +16,8 @@ from stickslip_ros.model.bounds import LARGEST
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import stability_margin
 from stickslip_ros.model.verdict import beyond_the_paper
-from stickslip_ros.monitoring.advice.adviser import Adviser
-from stickslip_ros.monitoring.advice.limits import Criterion, ObservedLoop, crossover_frequency
+from stickslip_ros.monitoring.advice.limits import Criterion, ObservedLoop
+from stickslip_ros.monitoring.advice.recommendation import Adviser
 from stickslip_ros.monitoring.assessment import Assessment, MonitorOptions
 from stickslip_ros.monitoring.detection import _judgement_kernel as judgement
 from stickslip_ros.monitoring.detection import _motion_kernel as kernel
@@ -48,8 +48,7 @@ from stickslip_ros.monitoring.friction.learner import FrictionLearner, LearnerMe
 from stickslip_ros.monitoring.friction.presliding import PreslidingMeter
 from stickslip_ros.monitoring.friction.slip_windows import slip_window
 from stickslip_ros.monitoring.margin_prediction import MarginPrediction
-from stickslip_ros.monitoring.sample_buffer import SampleBuffer
-from stickslip_ros.monitoring.samples import Batch, FloatArray, SampleFilter
+from stickslip_ros.monitoring.samples import Batch, FloatArray, SampleBuffer, SampleFilter
 
 _RECENT_CYCLES = 5  # latest cycles that are kept, 1
 _ANOTHER_SPEED = 4.0  # ratio of two speeds of the reference, 1: a larger one begins a new train
@@ -270,9 +269,12 @@ class JointMonitor:
         cycles: list[Cycle] = []
         self._samples.add(batch)
         self._note_needed_motion()
-        for rest in self._rests.feed(batch):
-            if isinstance(rest, Swing):
-                cycles += self._settle(self._cycles.add_swing(rest))
+        for event in self._motion.follow(batch):
+            if isinstance(event, Swing):
+                cycles += self._settle(self._cycles.add_swing(event))
+                continue
+            rest = self._rests.rest_at(complete=event)
+            if rest is None:
                 continue
             if rest.complete:
                 self._reversals.add_rest(rest, self._samples)
@@ -472,7 +474,7 @@ class JointMonitor:
             loop = ObservedLoop(
                 conditions=self.options.conditions,
                 sample_rate=self._sample_rate(),
-                crossover=crossover_frequency(selected.joint, selected.gains) if selected.gains.stiffness > 0 else 0.0,
+                crossover=selected.crossover,
                 tracking_error=tracking_error,
                 velocity_error=velocity_error,
                 position_noise=position_noise,

@@ -18,10 +18,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import CompressedImage
 
 from stickslip_ros.monitoring.advice.compensations import CompensatedGains, CompensationQuestion, compensation_advice
-from stickslip_ros.nodes.conversion import diagnostic_array_bytes, status_bytes
 from stickslip_ros.nodes.joints.watched_joints import WORTH_CHANGING
-from stickslip_ros.nodes.publications import Findings, quiet_publisher
-from stickslip_ros.nodes.worker.process import Background, SlowWork
+from stickslip_ros.nodes.publications import Findings, diagnostic_array_bytes, quiet_publisher, status_bytes
+from stickslip_ros.nodes.slow_work import Background, SlowWork
 from stickslip_ros.output.compensation import compensation_diagnosis, compensation_question
 from stickslip_ros.output.stability_map import MapSubject, picture, subject_of
 

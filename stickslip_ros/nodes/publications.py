@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""What the node publishes and logs of its joints: diagnostics, margins, cycles, friction, advice."""
+"""What the node publishes and logs of its joints: diagnostics, margins, cycles, friction, advice.
+
+Diagnoses become the bytes of a DiagnosticArray here, because rclpy takes several times as long. The encoding is CDR
+(OMG, Common Data Representation), little-endian, as every ROS 2 middleware reads it.
+"""
 
 from __future__ import annotations
 
+import struct
 from array import array as array_of
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from time import monotonic
 from typing import Any
 
@@ -23,13 +29,18 @@ from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
-from stickslip_ros.nodes.conversion import StatusBytes, diagnostic_array_bytes, friction_message, status_bytes, table
+from stickslip_ros.nodes.conversion import friction_message, table
 from stickslip_ros.output.diagnosis import Diagnosis, cycle_diagnostic, joint_diagnostic, waiting_diagnostic
 from stickslip_ros.output.published import MARGIN_FIELDS, margin_row
 from stickslip_ros.visible import visible
 
 _APART = 10.0  # time between two lines on a joint, s: a person reads the log
 _FURTHEST_APART = 600.0  # limit of that time, s: it doubles while the status goes on changing
+_ENCAPSULATION = b"\x00\x01\x00\x00"
+_ALIGNED = 4  # alignment of numbers and of lengths of texts, bytes: CDR has it
+_LENGTH = struct.Struct("<I")
+_HEADER = struct.Struct("<iI")
+_MOST_TEXTS = 4096  # number of cached texts, 1: keys, and names of at most 256 joints
 _CALM = tuple(one.value for one in Status if one not in (Status.STICK_SLIP, Status.AT_RISK))
 
 
@@ -121,7 +132,7 @@ class Findings:
     silent_for : time without samples [s], None if samples come. trouble : why the joint cannot be judged, or "".
     missing : why states, gains or references are missing, or "".
     applied : last outcome of `~/apply_recommendation`, or "".
-    advised : gains in the controller's units, None if there are none. conditions : beyond the paper, as configured.
+    conditions : beyond the paper, as configured.
     """
 
     assessment: Assessment
@@ -131,7 +142,6 @@ class Findings:
     trouble: str
     missing: str
     applied: str
-    advised: Gains | None
     conditions: OperatingConditions
     here: ExactVerdict | None = None
 
@@ -211,13 +221,16 @@ class Publications:
         if statuses:
             self._diagnostics.publish(diagnostic_array_bytes(self._now(), statuses))
 
-    def publish_tables(self, joints: Mapping[str, Findings], reported: Sequence[str]) -> None:
+    def publish_tables(
+        self, joints: Mapping[str, Findings], reported: Sequence[str], advised: Mapping[str, Gains | None]
+    ) -> None:
         """Publish the numbers, each table only while somebody listens: later listeners would not get it.
 
         Parameters
         ----------
         joints : findings on all joints, because `~/margins` and `~/recommended_gains` always have every joint.
         reported : names of joints to report on `~/friction` now.
+        advised : recommended gains of each joint in the controller's units, None if there are none.
         """
         if not joints:
             return
@@ -231,10 +244,10 @@ class Publications:
                 rows.extend(self._rows[name])
             self._margins.publish(table(list(joints), MARGIN_FIELDS, rows))
         if _has_listeners(self._recommended):
-            advised = {name: one.advised for name, one in joints.items() if one.advised is not None}
-            if advised:
-                values = [float(value) for gains in advised.values() for value in (gains.stiffness, gains.damping)]
-                self._recommended.publish(table(list(advised), ("p", "d"), values))
+            gains = {name: found for name in joints if (found := advised[name]) is not None}
+            if gains:
+                values = [float(value) for one in gains.values() for value in (one.stiffness, one.damping)]
+                self._recommended.publish(table(list(gains), ("p", "d"), values))
 
     def _publish_diagnoses(self, topic: LifecyclePublisher, diagnoses: Iterable[Diagnosis]) -> None:
         statuses = [status_bytes(one, self.robot) for one in diagnoses]
@@ -247,3 +260,65 @@ class Publications:
 def _has_listeners(publisher: LifecyclePublisher) -> bool:
     """Whether anybody would get a message that is published now."""
     return bool(publisher.get_subscription_count())
+
+
+@dataclass(frozen=True, kw_only=True)
+class StatusBytes:
+    """Serialized DiagnosticStatus, at any place of an array.
+
+    Attributes
+    ----------
+    body : bytes after the level. filled : number of padding bytes at the end of the body.
+    """
+
+    level: int
+    body: bytes
+    filled: int
+
+
+def status_bytes(diagnosis: Diagnosis, robot: str = "") -> StatusBytes:
+    """Serialize a status.
+
+    Parameters
+    ----------
+    robot : prefix of the names, "" or ending in a slash: robots have joints of the same names, and one /diagnostics.
+    """
+    body = bytearray(_known_text(robot + diagnosis.name))
+    body += _text(diagnosis.message)
+    body += _known_text(robot + diagnosis.hardware_id)
+    body += _LENGTH.pack(len(diagnosis.values))
+    last = b""
+    for key, value in diagnosis.values:
+        body += _known_text(key)
+        last = _text(value)
+        body += last
+    filled = -(_LENGTH.unpack_from(last)[0]) % _ALIGNED if last else 0
+    return StatusBytes(level=diagnosis.level, body=bytes(body), filled=filled)
+
+
+def diagnostic_array_bytes(stamp: Time, statuses: Iterable[StatusBytes]) -> bytes:
+    """A serialized DiagnosticArray."""
+    statuses = list(statuses)
+    data = bytearray(_ENCAPSULATION)
+    data += _HEADER.pack(stamp.sec, stamp.nanosec)
+    data += _text("")
+    data += _LENGTH.pack(len(statuses))
+    filled = 0
+    for one in statuses:
+        # A level is one byte, and needs no padding before it.
+        if filled:
+            data[-filled] = one.level
+        else:
+            data += bytes((one.level, 0, 0, 0))
+        data += one.body
+        filled = one.filled
+    return bytes(data[: len(data) - filled])
+
+
+def _text(text: str) -> bytes:
+    """Serialized text: length, characters, the zero after them, and padding."""
+    characters = text.encode("utf-8", "replace") + b"\x00"
+    return _LENGTH.pack(len(characters)) + characters + bytes(-len(characters) % _ALIGNED)
+
+
+_known_text = lru_cache(_MOST_TEXTS)(_text)  # keys and names are the same all the time

@@ -13,8 +13,13 @@ from rclpy.node import Node
 from stickslip_ros.messages.joint_states import TYPE
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.nodes.gains.gain_intake import PD_GAINS, GainIntake
-from stickslip_ros.nodes.intake.arrivals import REFERENCE_TYPES, REFERENCES, STATES, reference_type_name
-from stickslip_ros.nodes.intake.joint_state_topic import JointStateTopic
+from stickslip_ros.nodes.intake.arrivals import (
+    REFERENCE_TYPES,
+    REFERENCES,
+    STATES,
+    JointStateTopic,
+    reference_type_name,
+)
 from stickslip_ros.nodes.intake.publishers import NAMED, SCAN_EVERY, is_named, names_of, publishers_by_topic
 from stickslip_ros.nodes.joints.watched_joints import WatchedJoint, WatchedJoints
 from stickslip_ros.nodes.unknown_parameters import UnknownParameters
