@@ -15,7 +15,7 @@ from stickslip_ros.monitoring.advice.recommendation import Advice, Kind
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.friction.estimate import NAMES, FrictionEstimate, ParameterEstimate
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
-from stickslip_ros.monitoring.margin_prediction import select_model
+from stickslip_ros.monitoring.selected_model import select_model
 from stickslip_ros.monitoring.uncertainty import stick_slip_probability
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "test" / "monitoring"))

@@ -16,9 +16,9 @@ from stickslip_ros.model.bounds import LARGEST
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import stability_margin
 from stickslip_ros.model.verdict import beyond_the_paper
+from stickslip_ros.monitoring.advice.adviser import CachingAdviser
 from stickslip_ros.monitoring.advice.limits import Criterion, ObservedLoop
-from stickslip_ros.monitoring.advice.recommendation import Adviser
-from stickslip_ros.monitoring.assessment import Assessment, MonitorOptions
+from stickslip_ros.monitoring.assessment import Adviser, Assessment, MarginPrediction, MonitorOptions
 from stickslip_ros.monitoring.detection import _judgement_kernel as judgement
 from stickslip_ros.monitoring.detection import _motion_kernel as kernel
 from stickslip_ros.monitoring.detection.cycles import Cycle, CycleDetector
@@ -47,7 +47,6 @@ from stickslip_ros.monitoring.detection.status import (
 from stickslip_ros.monitoring.friction.learner import FrictionLearner, LearnerMemory
 from stickslip_ros.monitoring.friction.presliding import PreslidingMeter
 from stickslip_ros.monitoring.friction.slip_windows import slip_window
-from stickslip_ros.monitoring.margin_prediction import MarginPrediction
 from stickslip_ros.monitoring.samples import Batch, FloatArray, SampleBuffer, SampleFilter
 
 _RECENT_CYCLES = 5  # latest cycles that are kept, 1
@@ -110,7 +109,7 @@ class JointMonitor:
         self._studies_at_once, self._at_arrest = studies_at_once, at_arrest
         self.learner = FrictionLearner(joint, self.options.memory)
         self._gains_since = -math.inf
-        self._prediction = MarginPrediction(adviser)
+        self._prediction = MarginPrediction(adviser or CachingAdviser())
         self._filter = SampleFilter()
         self.cycle_count = 0
         self._last_cycle: Cycle | None = None
@@ -289,7 +288,8 @@ class JointMonitor:
         self._take_slices()
         for turned in self._motion.turns():
             self._reversals.turn(turned, self._samples)
-        self._reversals.poll(self._motion.last_time, self._samples)
+        if self._motion.last_time >= self._reversals.due:
+            self._reversals.poll(self._motion.last_time, self._samples)
         if self._motion.silent is not None:
             # What lies in a silence was not seen: what follows is followed anew.
             unseen = batch.where(slice(self._motion.silent, None))

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model.bounds import LARGEST, LEAST_EFFORT_CHANGE, SMALLEST
-from stickslip_ros.monitoring._samples_kernel import scan_bounds, store
+from stickslip_ros.monitoring.detection._motion_kernel import scan_bounds, store
 
 FloatArray = NDArray[np.float64]
 _BOUNDED = ("velocity", "effort", "reference_position", "reference_velocity")

@@ -229,6 +229,7 @@ class Reports:
         silence = now - joint.heard
         trial = assessment.trial if assessment.gains_known else None
         conditions = joint.settings.options.conditions
+        complete = assessment.gains is not None and assessment.velocity_source == "reference"
         exact = self._exact.verdict_on(joint.name, assessment, assessment.margin_gains, conditions, now)
         if exact is NOT_COMPUTED:
             # While gains rise in steps, each exact verdict comes too late.
@@ -239,7 +240,7 @@ class Reports:
             trial=self._exact.verdict_on(f"trial {joint.name}", assessment, trial, conditions, now),
             silent_for=silence if silence > _STALE_AFTER else None,
             trouble=joint.trouble,
-            missing=self._inputs.missing(joint, assessment),
+            missing="" if complete else self._inputs.missing(joint, assessment),
             applied=self._ramps.outcomes.get(joint.name, ""),
             here=self._exact.verdict_here(f"here {joint.name}", assessment, conditions, now),
             conditions=conditions,

@@ -27,8 +27,8 @@ from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.advice.adviser import advise
-from stickslip_ros.monitoring.advice.recommendation import Advice, AdviceQuestion, Adviser
-from stickslip_ros.monitoring.assessment import NOT_COMPUTED, Assessment, ExactQuestion
+from stickslip_ros.monitoring.advice.recommendation import Advice
+from stickslip_ros.monitoring.assessment import NOT_COMPUTED, AdviceQuestion, Adviser, Assessment, ExactQuestion
 from stickslip_ros.monitoring.friction.learner import FrictionLearner
 from stickslip_ros.monitoring.study import study
 from stickslip_ros.parent_death import NICENESS, die_with_parent

@@ -15,8 +15,8 @@ from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
-from stickslip_ros.monitoring.margin_prediction import select_model
 from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.monitoring.selected_model import select_model
 from stickslip_ros.monitoring.uncertainty import stick_slip_probability
 
 pytestmark = pytest.mark.slow

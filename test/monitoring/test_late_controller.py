@@ -18,8 +18,8 @@ from stickslip_ros.monitoring.advice.recommendation import Kind
 from stickslip_ros.monitoring.friction.estimate import NAMES, FrictionEstimate
 from stickslip_ros.monitoring.friction.late_controller import DelayEstimate
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
-from stickslip_ros.monitoring.margin_prediction import select_model
 from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.monitoring.selected_model import select_model
 from stickslip_ros.monitoring.uncertainty import stick_slip_probability
 
 pytestmark = pytest.mark.slow

@@ -27,8 +27,8 @@ from stickslip_ros.monitoring.advice.requirement import Requirement
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES, FrictionEstimate, LawAlternative
 from stickslip_ros.monitoring.friction.estimation import estimate_friction
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
-from stickslip_ros.monitoring.margin_prediction import select_model, uncertainty_of
 from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.monitoring.selected_model import select_model, uncertainty_of
 from stickslip_ros.monitoring.uncertainty import stick_slip_probability
 
 pytestmark = pytest.mark.slow

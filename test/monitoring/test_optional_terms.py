@@ -25,7 +25,7 @@ from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.friction.estimation import estimate_friction
 from stickslip_ros.monitoring.friction.learner import FrictionLearner, LearnerMemory
-from stickslip_ros.monitoring.margin_prediction import select_model
+from stickslip_ros.monitoring.selected_model import select_model
 from stickslip_ros.nodes.state.plain_data import from_plain, to_plain
 
 GAINS = Gains(stiffness=630.0)

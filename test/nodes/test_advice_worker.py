@@ -13,7 +13,8 @@ from conftest import LIMIT
 
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, ObservedLoop
-from stickslip_ros.monitoring.advice.recommendation import Advice, AdviceQuestion
+from stickslip_ros.monitoring.advice.recommendation import Advice
+from stickslip_ros.monitoring.assessment import AdviceQuestion
 from stickslip_ros.nodes import slow_work
 from stickslip_ros.nodes.slow_work import AdviceWorker, SlowWork
 

@@ -7,10 +7,10 @@ from __future__ import annotations
 import math
 
 from stickslip_ros.model.margin import lowest_smooth_velocity
-from stickslip_ros.monitoring.advice.limits import AdviceLimits
 from stickslip_ros.monitoring.advice.recommend import recommend
-from stickslip_ros.monitoring.advice.recommendation import Advice, AdviceQuestion, without_gains
+from stickslip_ros.monitoring.advice.recommendation import Advice
 from stickslip_ros.monitoring.advice.sensitivity import sensitivities
+from stickslip_ros.monitoring.assessment import AdviceQuestion
 
 
 def advise(question: AdviceQuestion) -> Advice:
@@ -40,15 +40,6 @@ def advise(question: AdviceQuestion) -> Advice:
         if possible
         else (),
         lowest_smooth_velocity=float(lowest_smooth_velocity(joint, gains)) if gains.stiffness > 0 else math.nan,
-    )
-
-
-def no_advice(reason: str, velocity: float, limits: AdviceLimits, *, gains_known: bool) -> Advice:
-    """The answer where none can be given, and why."""
-    return Advice(
-        recommendation=without_gains(f"no advice: {reason}", velocity, limits.condition, gains_known=gains_known),
-        sensitivities=(),
-        lowest_smooth_velocity=math.nan,
     )
 
 

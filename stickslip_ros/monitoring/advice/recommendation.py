@@ -1,29 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Advice: its question, and recommended gains, in three variants, or what is in the way where there are none.
-
-`recommend.py` computes the gains, `adviser.py` answers the question.
-"""
+"""Recommended gains: three variants, and what is in the way where there are none. `recommend.py` computes them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
-from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.outcome import Outcome
-from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, ObservedLoop
+from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion
 from stickslip_ros.monitoring.advice.search import Obstruction
 from stickslip_ros.monitoring.advice.sensitivity import Sensitivity
-from stickslip_ros.monitoring.uncertainty import Uncertainty
-
-_COMPARABLE = 2.0  # ratio of speeds, up to which an answer is shown until the next is computed
-# Relative differences, up to which an answer is kept.
-_SAME_SPEED = 0.01  # changes the advised gains by less than they are printed to
-_SAME_RATE = 0.05  # of the sample rate, which is estimated
-_SAME_ERROR = 0.2  # of position and velocity errors, maxima that scatter from second to second, and of noise
 
 
 class Kind(str, Enum):
@@ -135,70 +124,6 @@ def without_gains(reason: str, velocity: float, condition: Criterion, *, gains_k
     return Recommendation(variants=variants, velocity=velocity, condition=condition, gains_known=gains_known)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class AdviceQuestion:
-    """What advice depends on; see :func:`stickslip_ros.monitoring.advice.recommend.recommend`.
-
-    Attributes
-    ----------
-    velocity : commanded speed, not negative [rad/s].
-    before : advice given before, which stands unless other gains are clearly better.
-    """
-
-    joint: Joint
-    gains: Gains
-    velocity: float
-    limits: AdviceLimits
-    uncertainty: Uncertainty | None
-    loop: ObservedLoop
-    gains_known: bool
-    before: Recommendation | None = None
-
-    def of_the_same_controller(self, other: AdviceQuestion) -> bool:
-        """Whether gains and limits are the same, however friction and speed have changed."""
-        return (
-            self.gains_known == other.gains_known
-            and (not self.gains_known or self.gains == other.gains)
-            and self.limits == other.limits
-            and self.loop.conditions == other.loop.conditions
-        )
-
-    def comparable(self, other: AdviceQuestion) -> bool:
-        """Whether the answer to the one is of use until the other is answered: at speeds within a factor of two.
-
-        A joint that stood still and moves now needs other gains than none.
-        """
-        slower, faster = sorted((abs(self.velocity), abs(other.velocity)))
-        return self.of_the_same_controller(other) and faster <= _COMPARABLE * slower
-
-    def about_the_same(self, other: AdviceQuestion) -> bool:
-        """Whether both are about the same joint, gains and limits, at whatever speed."""
-        return (
-            self.joint is other.joint
-            and self.gains == other.gains
-            and self.uncertainty is other.uncertainty
-            and self.of_the_same_controller(other)
-        )
-
-    def similar(self, other: AdviceQuestion, speeds: float = _SAME_SPEED) -> bool:
-        """Whether the answer to the one answers the other: at speeds that differ by no more than a share."""
-        mine, its = self.loop, other.loop
-        return (
-            self.about_the_same(other)
-            and _near(self.velocity, other.velocity, speeds)
-            and _near(mine.sample_rate, its.sample_rate, _SAME_RATE)
-            and _near(mine.position_noise, its.position_noise, _SAME_ERROR)
-            and _near(mine.velocity_noise, its.velocity_noise, _SAME_ERROR)
-            and (
-                math.isinf(self.limits.effort)
-                or (
-                    _near(mine.tracking_error, its.tracking_error, _SAME_ERROR)
-                    and _near(mine.velocity_error, its.velocity_error, _SAME_ERROR)
-                )
-            )
-        )
-
-
 @dataclass(frozen=True, kw_only=True)
 class Advice:
     """The answer.
@@ -215,8 +140,10 @@ class Advice:
     lowest_smooth_velocity: float
 
 
-Adviser = Callable[[AdviceQuestion], Advice | None]
-
-
-def _near(one: float, other: float, share: float) -> bool:
-    return abs(one - other) <= share * abs(other) or (math.isnan(one) and math.isnan(other))
+def no_advice(reason: str, velocity: float, limits: AdviceLimits, *, gains_known: bool) -> Advice:
+    """The answer where none can be given, and why."""
+    return Advice(
+        recommendation=without_gains(f"no advice: {reason}", velocity, limits.condition, gains_known=gains_known),
+        sensitivities=(),
+        lowest_smooth_velocity=math.nan,
+    )

@@ -46,11 +46,13 @@ class ReversalMeter:
     """Measures each reversal of a joint that follows a reference.
 
     A reversal is measured when the joint has turned, and turns again, or half a minute later; whether it stood in
-    between or not. ``record`` : what was seen, None if there was no reversal.
+    between or not. ``record`` : what was seen, None if there was no reversal. ``due`` : when :meth:`poll` has something
+    to do [s].
     """
 
     def __init__(self) -> None:
         self.record: ReversalRecord | None = None
+        self.due = math.inf
         self._count = 0
         self._latest: deque[Reversal] = deque(maxlen=_KEPT)
         self._open: Rest | None = None
@@ -92,6 +94,7 @@ class ReversalMeter:
             return
         self._close(rest.arrest, samples)
         self._open, self._stops, self._settled = rest, 0, rest.breakaway
+        self.due = min(self.due, rest.breakaway + _LONGEST)
         self._stood.append(rest.breakaway)
 
     def turn(self, time: float, samples: SampleBuffer) -> None:
@@ -99,6 +102,7 @@ class ReversalMeter:
         before = self._passing[1] if self._passing is not None else -math.inf
         self._pass(time, samples)
         self._passing = before, time
+        self.due = min(self.due, time + _LONGEST)
 
     def poll(self, now: float, samples: SampleBuffer) -> None:
         """Measure a reversal that was so long ago that its samples would be forgotten."""
@@ -106,6 +110,9 @@ class ReversalMeter:
             self._close(now, samples)
         if self._passing is not None and now - self._passing[1] > _LONGEST:
             self._pass(now, samples)
+        opened = [] if self._open is None else [self._open.breakaway]
+        opened += [] if self._passing is None else [self._passing[1]]
+        self.due = min(opened, default=math.inf) + _LONGEST
 
     def finish(self, now: float, samples: SampleBuffer) -> None:
         """Measure what is open: no more samples come."""

@@ -26,8 +26,7 @@ from rclpy.parameter import Parameter
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.messages.joint_states import WholeTurns
 from stickslip_ros.model.friction import Gains
-from stickslip_ros.monitoring.advice.recommendation import Adviser
-from stickslip_ros.monitoring.assessment import Assessment
+from stickslip_ros.monitoring.assessment import Adviser, Assessment
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.joint_monitor import JointMonitor

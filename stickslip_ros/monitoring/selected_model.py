@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Prediction for a joint: the selected model, its margin, and the advice that follows."""
+"""Selected model: joint and gains of the margin, estimated from the motion or configured."""
 
 from __future__ import annotations
 
@@ -12,20 +12,9 @@ from functools import cached_property
 import numpy as np
 
 from stickslip_ros.model.bounds import TINY
-from stickslip_ros.model.conditions import OperatingConditions
-from stickslip_ros.model.dimensionless import dimensionless_groups
-from stickslip_ros.model.exact import exact_critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint, Real
-from stickslip_ros.model.margin import StabilityMargin, damping_reserve, stability_margin
-from stickslip_ros.monitoring.advice.adviser import CachingAdviser, no_advice
-from stickslip_ros.monitoring.advice.limits import (
-    AdviceLimits,
-    Criterion,
-    ObservedLoop,
-    criterion_for,
-    crossover_frequency,
-)
-from stickslip_ros.monitoring.advice.recommendation import Advice, AdviceQuestion, Adviser
+from stickslip_ros.model.margin import StabilityMargin, stability_margin
+from stickslip_ros.monitoring.advice.limits import Criterion, criterion_for, crossover_frequency
 from stickslip_ros.monitoring.drive import DriveGains
 from stickslip_ros.monitoring.friction.estimate import DRAWS, FrictionEstimate
 from stickslip_ros.monitoring.samples import FloatArray
@@ -43,8 +32,6 @@ _LEAST_VISCOUS = 0.01  # viscous friction that a late effort, or a model that do
 _HALF_WITHOUT = np.where(np.arange(DRAWS) < DRAWS // 2, 0.0, -math.inf)
 # Always the same ones, other than those of the friction, so that what is computed from them is smooth.
 _NORMAL = np.random.default_rng(44).standard_normal((2, DRAWS))
-_SPEEDS_APART = 0.1  # difference of the logarithms of two speeds at which a reserve is integrated, 1
-_TOLERANCE = 5e-3  # error of a critical damping ratio, of it: no status changes with it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,6 +55,11 @@ class SelectedModel:
     rests_on: str
     per_inertia: bool = False
     no_advice: str = ""
+
+    @cached_property
+    def of_the_paper(self) -> bool:
+        """Whether Eq. (43) is of the joint."""
+        return criterion_for(self.joint, Criterion.PAPER) is Criterion.PAPER
 
     @cached_property
     def crossover(self) -> float:
@@ -258,125 +250,3 @@ def uncertainty_of(margin: StabilityMargin, selected: SelectedModel, velocity: f
     draws = stability_margin(selected.uncertainty.joint, gains, velocity)
     probability = selected.uncertainty.bounded(float(np.mean(~np.asarray(draws.smooth))))
     return float(np.std(np.asarray(draws.energy_margin))), probability
-
-
-class MarginPrediction:
-    """See the module; :meth:`follow` says what is known now.
-
-    Parameters
-    ----------
-    adviser : answers questions for advice, or returns None as long as it is at work; by default it answers at once.
-
-    Attributes
-    ----------
-    selected : joint and gains to compute with, None if they are not known; why_none : what is missing then.
-    """
-
-    def __init__(self, adviser: Adviser | None = None) -> None:
-        self._adviser = adviser or CachingAdviser()
-        self._last: tuple[SelectedModel, float, StabilityMargin, tuple[float, float]] | None = None
-        self._advised: tuple[AdviceQuestion, Advice] | None = None
-        self._basis: tuple[FrictionEstimate | None, Joint | None, Gains | None, bool] | None = None
-        self.selected: SelectedModel | None = None
-        self.why_none = ""
-        self._critical: tuple[SelectedModel, OperatingConditions, dict[int, float]] | None = None
-
-    def follow(
-        self, estimate: FrictionEstimate | None, configured: Joint | None, gains: Gains | None, *, velocity_loop: bool
-    ) -> None:
-        """Keep the model until it changes by more than 1 %; parameters as of :func:`select_model`."""
-        basis = (estimate, configured, gains, velocity_loop)
-        if self._basis is not None and all(one is other for one, other in zip(self._basis, basis, strict=True)):
-            return
-        selected, self.why_none = select_model(estimate, configured, gains, velocity_loop=velocity_loop)
-        if selected is None or self.selected is None or not approximately_equal(selected, self.selected):
-            self.selected = selected
-        self._basis = basis
-
-    def margin(self, velocity: float) -> tuple[StabilityMargin | None, str]:
-        """The margin at a velocity [rad/s], or None; and why there is none, or it does not apply."""
-        if self.selected is None:
-            return None, self.why_none
-        if not math.isfinite(velocity):
-            return None, "the commanded velocity is not known"
-        margin, _ = self._at(self.selected, velocity)
-        return margin, str(margin.reason or "")
-
-    def uncertainty(self, velocity: float) -> tuple[float, float]:
-        """Of the margin at a velocity [rad/s] the standard error [M x˙_s²], and how probable stick-slip is by Eq. (43).
-
-        NaN where they are not known.
-        """
-        return (math.nan, math.nan) if self.selected is None else self._at(self.selected, velocity)[1]
-
-    def _at(self, selected: SelectedModel, velocity: float) -> tuple[StabilityMargin, tuple[float, float]]:
-        last = self._last
-        # Many a speed is asked for again and again: that of the reference, and the mean of the last cycles.
-        if last is None or last[0] is not selected or last[1] != velocity:
-            margin = stability_margin(selected.joint, selected.gains, velocity)
-            last = self._last = (selected, velocity, margin, uncertainty_of(margin, selected, velocity))
-        return last[2:]
-
-    def advise(
-        self, selected: SelectedModel, velocity: float, limits: AdviceLimits, loop: ObservedLoop
-    ) -> Advice | None:
-        """Advice by the selected model, None while it is being computed."""
-        if selected.no_advice:
-            return no_advice(selected.no_advice, abs(velocity), limits, gains_known=selected.gains_known)
-        question = AdviceQuestion(
-            joint=selected.joint,
-            gains=selected.gains,
-            velocity=abs(velocity),
-            limits=limits,
-            uncertainty=selected.uncertainty,
-            loop=loop,
-            gains_known=selected.gains_known,
-        )
-        if self._advised is not None and self._advised[0].comparable(question):
-            question = replace(question, before=self._advised[1].recommendation)
-        advice = self._adviser(question)
-        if advice is not None:
-            self._advised = (question, advice)
-        return advice
-
-    def damping_reserves(
-        self, velocities: FloatArray, condition: Criterion, conditions: OperatingConditions
-    ) -> tuple[FloatArray, Criterion]:
-        """Relative damping reserves ρ/ρ_c − 1 at velocities [rad/s], and by which condition; NaN where unknown."""
-        reserves = np.full(len(velocities), np.nan)
-        speeds = np.abs(velocities)
-        known = np.isfinite(speeds) & (speeds > 0)
-        selected = self.selected
-        if selected is None or not known.any() or not selected.gains.stiffness > 0:
-            return reserves, condition
-        condition = criterion_for(selected.joint, condition)
-        joint = conditions.at_constant_speed.applied_to(selected.joint)
-        if condition is Criterion.EXACT:
-            if self._critical is None or self._critical[0] is not selected or self._critical[1] != conditions:
-                self._critical = (selected, conditions, {})
-            ratio = dimensionless_groups(joint, selected.gains, 1.0).damping_ratio
-            critical = _critical_ratios(joint, selected.gains, speeds[known], self._critical[2])
-            reserves[known] = damping_reserve(ratio, critical)
-        else:
-            reserves[known] = stability_margin(joint, selected.gains, speeds[known]).damping_reserve
-        return reserves, condition
-
-
-def _critical_ratios(joint: Joint, gains: Gains, speeds: FloatArray, known: dict[int, float]) -> FloatArray:
-    """Critical damping ratios by integration at speeds [rad/s], interpolated between a few at which it is made.
-
-    An integration takes a millisecond or more, and there are many batches of samples a second.
-
-    Parameters
-    ----------
-    known : those that were integrated before, by the number of their speed; added to.
-    """
-    places = np.log(speeds) / _SPEEDS_APART
-    below = np.floor(places).astype(int)
-    missing = [node for node in np.unique([below, below + 1]).tolist() if node not in known]
-    if missing:
-        groups = dimensionless_groups(joint, gains, np.exp(_SPEEDS_APART * np.array(missing, dtype=float)))
-        found = np.asarray(exact_critical_damping_ratio(groups, tolerance=_TOLERANCE))
-        known.update(zip(missing, found.tolist(), strict=True))
-    low, high = (np.array([known[node] for node in nodes.tolist()]) for nodes in (below, below + 1))
-    return np.asarray(low + (places - below) * (high - low))
