@@ -118,7 +118,7 @@ Adviser = Callable[[AdviceQuestion], Advice | None]
 
 
 class MarginPrediction:
-    """See the module; :meth:`follow` says what is known now.
+    """The selected model of a joint, its margin, and the advice that follows; :meth:`follow` gives what is known now.
 
     Parameters
     ----------

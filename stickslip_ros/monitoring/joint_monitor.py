@@ -315,7 +315,7 @@ class JointMonitor:
         for cycle in cycles:
             if self._recent and not _follows(cycle, self._recent[-1]):
                 self._recent.clear()
-            if self._recent:
+            if self._recent and self._keeps_the_past:
                 # One slip may be chance. From the second one on, what lay between two slips was stick-slip.
                 first = len(self._recent) == 1
                 self._segments.relabel(cycle.breakaway if first else self._recent[-1].arrest, cycle.arrest)

@@ -371,7 +371,10 @@ def _column(blocks: list[_Block], number: int) -> FloatArray:
 
 
 class ReferencePairing:
-    """Joins the samples and the references of one joint.
+    """Joins the samples and the references of one joint: samples wait until the reference at their time is known.
+
+    Joint states and references come on two topics, in any order of arrival. Pairing by stamp, not by arrival, makes the
+    result the same live and recorded.
 
     Attributes
     ----------

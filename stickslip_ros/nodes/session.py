@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""All that the monitor has between configuring and cleaning up: its parts are made here, and called in turn."""
+"""All that the monitor has between configuring and cleaning up: its parts are made here, and called in turn.
+
+The node ticks and publishes often while messages come or work is under way, rarely else. Joints with changes are
+reported at once, the others in turn; each is assessed anew before.
+"""
 
 from __future__ import annotations
 
@@ -38,9 +42,8 @@ from stickslip_ros.nodes.joints.watched_joints import (
     WatchedJoints,
     urgent,
 )
-from stickslip_ros.nodes.on_demand import recommended_compensation, stability_maps
 from stickslip_ros.nodes.other_monitors import OtherMonitors
-from stickslip_ros.nodes.publications import Findings, Publications
+from stickslip_ros.nodes.publications import Findings, Publications, recommended_compensation, stability_maps
 from stickslip_ros.nodes.self_diagnosis import SelfDiagnosis
 from stickslip_ros.nodes.slow_work import AdviceWorker, ExactWorker, SlowWork, attend_study
 from stickslip_ros.nodes.state.state_keeper import StateKeeper
