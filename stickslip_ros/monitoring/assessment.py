@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -19,9 +20,9 @@ from stickslip_ros.model._validation import require_not_negative
 from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.dimensionless import dimensionless_groups
 from stickslip_ros.model.exact import exact_critical_damping_ratio
-from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.friction import Gains, Joint, Real
 from stickslip_ros.model.margin import StabilityMargin, damping_reserve, stability_margin
-from stickslip_ros.model.verdict import ExactVerdict, verdict
+from stickslip_ros.model.verdict import ExactVerdict, beyond_the_paper, verdict
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, ObservedLoop
 from stickslip_ros.monitoring.advice.recommendation import Advice, Kind, Recommendation, Variant, no_advice
 from stickslip_ros.monitoring.detection.cycles import Cycle
@@ -211,23 +212,32 @@ class MarginPrediction:
                 conditions.at_constant_speed.applied_to(selected.joint), selected.gains, speeds[known]
             ).damping_reserve
             return reserves, condition
+        reserves[known] = self.exact_reserves(selected, conditions).at(speeds[known])
+        return reserves, Criterion.EXACT
+
+    def exact_reserves(self, selected: SelectedModel, conditions: OperatingConditions) -> ExactReserves:
+        """Damping reserves by integration; those of the last model and conditions are kept."""
         if self._exact is None or self._exact.model is not selected or self._exact.conditions != conditions:
             self._exact = ExactReserves(selected, conditions)
-        reserves[known] = self._exact.at(speeds[known])
-        return reserves, Criterion.EXACT
+        return self._exact
 
 
 class ExactReserves:
     """Damping reserves of a model by integration, interpolated between a few speeds at which it is made.
 
-    An integration takes a millisecond or more, and there are many batches of samples a second.
+    An integration takes a millisecond or more, and there are many batches of samples a second. ``beyond_the_paper`` :
+    whether integral action, sampled control or the like make it take longer still.
     """
 
     def __init__(self, model: SelectedModel, conditions: OperatingConditions) -> None:
         self.model, self.conditions = model, conditions
         self._joint = conditions.at_constant_speed.applied_to(model.joint)
-        self._ratio = dimensionless_groups(self._joint, model.gains, 1.0).damping_ratio
+        self.beyond_the_paper = beyond_the_paper(model.joint, model.gains, conditions)
         self._critical: dict[int, float] = {}  # critical damping ratios by the number of their speed
+
+    @cached_property
+    def _ratio(self) -> Real:
+        return dimensionless_groups(self._joint, self.model.gains, 1.0).damping_ratio
 
     def at(self, speeds: FloatArray) -> FloatArray:
         """Relative damping reserves ρ/ρ_c − 1 at speeds [rad/s]."""

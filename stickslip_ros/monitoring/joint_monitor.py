@@ -15,7 +15,6 @@ import numpy as np
 from stickslip_ros.model.bounds import LARGEST
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import stability_margin
-from stickslip_ros.model.verdict import beyond_the_paper
 from stickslip_ros.monitoring.advice.adviser import CachingAdviser
 from stickslip_ros.monitoring.advice.limits import Criterion, ObservedLoop
 from stickslip_ros.monitoring.assessment import Adviser, Assessment, MarginPrediction, MonitorOptions
@@ -426,9 +425,10 @@ class JointMonitor:
         """
         self._select_model()
         selected = self._prediction.selected
-        if selected is None or beyond_the_paper(selected.joint, selected.gains, self.options.conditions):
+        conditions = self.options.conditions
+        if selected is None or self._prediction.exact_reserves(selected, conditions).beyond_the_paper:
             return math.nan
-        reserves, _ = self._prediction.damping_reserves(np.array([velocity]), Criterion.EXACT, self.options.conditions)
+        reserves, _ = self._prediction.damping_reserves(np.array([velocity]), Criterion.EXACT, conditions)
         return float(reserves[0])
 
     def _damping_reserves(self, velocities: FloatArray) -> tuple[FloatArray, Criterion]:
