@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from stickslip_ros.model.friction import Gains
-from stickslip_ros.monitoring.advice.adviser import Advice
-from stickslip_ros.monitoring.advice.recommendation import Kind
+from stickslip_ros.monitoring.advice.recommendation import Advice, Kind
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.friction.estimate import NAMES, FrictionEstimate, ParameterEstimate
 from stickslip_ros.monitoring.joint_monitor import JointMonitor

@@ -34,11 +34,10 @@ def measure(damping: float, resolution: float, *, with_velocity: bool = False) -
         trajectory = simulate(PUMA, gains, references, np.where(time >= 0.5, velocity, 0.0))
         velocities = trajectory.velocity if with_velocity else ()
         positions = resolution * np.round(trajectory.position / resolution)
-        rests = [
-            rest
-            for rest in RestDetector().feed(Batch(time=trajectory.time, position=positions, velocity=velocities))
-            if rest.complete and rest.direction_before
-        ]
+        detector = RestDetector()
+        batch = Batch(time=trajectory.time, position=positions, velocity=velocities)
+        found = (detector.rest_at(complete=True) for _ in detector.motion.follow(batch))
+        rests = [rest for rest in found if rest is not None and rest.direction_before]
         true = [
             (one.time, other.time)
             for one, other in itertools.pairwise(trajectory.events)

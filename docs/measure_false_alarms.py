@@ -39,7 +39,7 @@ from random_motions import (
 )
 
 from stickslip_ros.monitoring.assessment import MonitorOptions
-from stickslip_ros.monitoring.detection import spring_evidence
+from stickslip_ros.monitoring.detection import cycles as detection
 from stickslip_ros.monitoring.detection.cycles import Cycle, CycleDetector
 from stickslip_ros.monitoring.detection.rests import Rest, RestDetector
 from stickslip_ros.monitoring.detection.status import Segment, Status
@@ -128,12 +128,14 @@ def print_false_alarms(rows: Iterable[tuple[str, Iterable[Batch]]]) -> None:
 
 def rests_of(batch: Batch) -> list[Rest]:
     """The rests of a motion without its reference: no threshold has a say in them."""
-    return [rest for rest in RestDetector().feed(without_reference(batch)) if rest.complete]
+    detector = RestDetector()
+    found = (detector.rest_at(complete=True) for _ in detector.motion.follow(without_reference(batch)))
+    return [rest for rest in found if rest is not None]
 
 
 def set_threshold(enough: float) -> None:
     """Let another threshold, with what hangs on it, tell slips."""
-    spring_evidence.ENOUGH, spring_evidence._MOST, spring_evidence._GIVEN_UP = enough, 1.5 * enough, 0.5 * enough
+    detection.ENOUGH, detection._MOST, detection._GIVEN_UP = enough, 1.5 * enough, 0.5 * enough
 
 
 def told(rests: list[Rest]) -> tuple[list[Cycle], float]:
@@ -227,7 +229,7 @@ def measure_curve(
     stick_slip: list[tuple[RandomStickSlip, list[Rest]]], others: dict[str, list[tuple[float, list[Rest]]]]
 ) -> None:
     """The table of thresholds, and the picture of it; ``others`` are durations [s] and rests, by kind of motion."""
-    used = spring_evidence.ENOUGH
+    used = detection.ENOUGH
     print("| threshold | recordings found [%] | slips found [%] | " + " | ".join(others) + " |")
     print("| --- " * (3 + len(others)) + "|")
     points: dict[str, list[tuple[float, float, float]]] = {name: [] for name in others}

@@ -63,9 +63,7 @@ def _use_detection() -> None:
 
 def _use_messages() -> None:
     from stickslip_ros.bags.storage import _record_kernel as kernel
-    from stickslip_ros.messages.blocks import Block
-    from stickslip_ros.messages.joint_states import JointStateDecoder
-    from stickslip_ros.messages.whole_turns import WholeTurns
+    from stickslip_ros.messages.joint_states import Block, JointStateDecoder, WholeTurns
 
     # A JointState with no stamp, of one joint, "a", at position 0.
     message = struct.pack("<BBxx iI I4x I I2s2x Id I I", 0, 1, 0, 0, 1, 1, 2, b"a", 1, 0.0, 0, 0)

@@ -11,8 +11,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from stickslip_ros.messages.content import with_time, with_times
 from stickslip_ros.messages.gain_parameters import HeardGains, gain_name, gain_value, joint_and_kind
+from stickslip_ros.messages.joint_states import with_time, with_times
 from stickslip_ros.model.friction import Gains
 
 

@@ -20,10 +20,9 @@ from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.long_motion import natural_period
 from stickslip_ros.model.verdict import ExactVerdict
-from stickslip_ros.monitoring.advice.adviser import AdviceQuestion, advise
+from stickslip_ros.monitoring.advice.adviser import advise
 from stickslip_ros.monitoring.advice.limits import Criterion, ObservedLoop
-from stickslip_ros.monitoring.assessment import Assessment, MonitorOptions
-from stickslip_ros.monitoring.exact_question import NOT_COMPUTED, ExactQuestion
+from stickslip_ros.monitoring.assessment import NOT_COMPUTED, AdviceQuestion, Assessment, ExactQuestion, MonitorOptions
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES, FrictionEstimate
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch

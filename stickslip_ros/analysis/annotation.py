@@ -14,9 +14,8 @@ import numpy as np
 from stickslip_ros.analysis.joint_analysis import JointAnalyzer
 from stickslip_ros.bags.writing import BagWriter
 from stickslip_ros.model.verdict import ExactVerdict
-from stickslip_ros.monitoring.assessment import Assessment
+from stickslip_ros.monitoring.assessment import NOT_COMPUTED, Assessment, ExactQuestion, as_seen
 from stickslip_ros.monitoring.detection.cycles import Cycle
-from stickslip_ros.monitoring.exact_question import NOT_COMPUTED, ExactQuestion, as_seen
 from stickslip_ros.output.diagnosis import Diagnosis, cycle_diagnostic, joint_diagnostic
 from stickslip_ros.output.published import MARGIN_FIELDS, margin_row
 

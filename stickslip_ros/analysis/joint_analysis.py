@@ -16,14 +16,12 @@ from stickslip_ros.analysis.sample_checks import SampleChecks, data_problems
 from stickslip_ros.analysis.traces import JointTraces
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.verdict import ExactVerdict
-from stickslip_ros.monitoring.assessment import Assessment
+from stickslip_ros.monitoring.assessment import Assessment, ExactQuestion, as_seen
 from stickslip_ros.monitoring.detection._judgement_kernel import DIP_AGAIN
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Finding, NoSamples, Reason, Segment, SpeedFalls, Status
-from stickslip_ros.monitoring.exact_question import ExactQuestion, as_seen
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
-from stickslip_ros.monitoring.reference_pairing import ReferencePairing
-from stickslip_ros.monitoring.samples import Batch, FloatArray
+from stickslip_ros.monitoring.samples import Batch, FloatArray, ReferencePairing
 from stickslip_ros.output.wording import reason_text
 from stickslip_ros.settings.parameter_file import Parameters
 from stickslip_ros.settings.parameters import JointSettings
@@ -125,7 +123,7 @@ class JointAnalyzer:
         if references is not None:
             self._pairing.add_references(references)
         if samples is not None:
-            self._pairing.add_samples(self.settings.samples_to_si(samples))
+            self._pairing.add_samples(samples, self.settings.effort_scale)
         # Many samples at once cost less; what is found does not depend on it.
         return self._process(self._pairing.next_batch()) if self._pairing.waiting >= self._at_once else []
 

@@ -10,8 +10,7 @@ from importlib import import_module
 from typing import Any
 
 from stickslip_ros.errors import needs
-from stickslip_ros.messages.blocks import Channel
-from stickslip_ros.messages.content import MessageError
+from stickslip_ros.messages.joint_states import Channel, MessageError
 
 _DEFINITIONS_KEPT = 64
 _OF_ROS_1 = ("std_msgs/msg/Header", "builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")

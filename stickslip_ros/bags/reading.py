@@ -21,16 +21,21 @@ from stickslip_ros.bags.storage.bag import Bag
 from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.bags.topics import EVENTS_TYPE, TopicChoice, Topics, find_robots, find_topics, nearest_namespace
-from stickslip_ros.messages import content, joint_states
-from stickslip_ros.messages.blocks import Block, Channel, Integers
-from stickslip_ros.messages.content import MessageError
+from stickslip_ros.messages import joint_states
 from stickslip_ros.messages.gain_layouts import INTERFACES, why_not_taken
 from stickslip_ros.messages.gain_parameters import HeardGains, gain_value, joint_and_kind
-from stickslip_ros.messages.joint_states import JointStateDecoder, rows_by_joint
-from stickslip_ros.messages.whole_turns import WRAPS, WholeTurns
+from stickslip_ros.messages.joint_states import (
+    WRAPS,
+    Block,
+    Channel,
+    Integers,
+    JointStateDecoder,
+    MessageError,
+    WholeTurns,
+    rows_by_joint,
+)
 from stickslip_ros.model.friction import Gains
-from stickslip_ros.monitoring.reference_pairing import ReferencePairing
-from stickslip_ros.monitoring.samples import Batch, FloatArray
+from stickslip_ros.monitoring.samples import Batch, FloatArray, ReferencePairing
 from stickslip_ros.visible import visible
 
 _INSTEAD = "recording"  # whose time stands for a stamp that is not set
@@ -134,7 +139,7 @@ class BagReader:
         self._descriptions = {
             one
             for one in bag.channels()
-            if one.type == content.DESCRIPTION_TYPE and one.topic.endswith(content.DESCRIPTION)
+            if one.type == joint_states.DESCRIPTION_TYPE and one.topic.endswith(joint_states.DESCRIPTION)
             if not why_unreadable(one)
         }
         self._channels |= self._descriptions
@@ -212,7 +217,7 @@ class BagReader:
         for channel in self._descriptions:
             chosen = self._chosen(block, numbers, channel, 0, len(block))
             for _, text in self._decoded(channel, block, chosen, lambda message: str(message.data)):
-                self._prismatic |= content.prismatic_joints(text)
+                self._prismatic |= joint_states.prismatic_joints(text)
 
     def _gains_in(self, block: Block, numbers: dict[Channel, list[int]]) -> list[tuple[int, dict[str, Gains]]]:
         """At which messages of a block which gains change."""
@@ -222,7 +227,7 @@ class BagReader:
         ):
             of_events = channel.type == EVENTS_TYPE
             chosen = self._chosen(block, numbers, channel, 0, len(block))
-            read: Callable[[Any], Any] = (lambda event: event) if of_events else content.gains_from_message
+            read: Callable[[Any], Any] = (lambda event: event) if of_events else joint_states.gains_from_message
             for number, message in self._decoded(channel, block, chosen, read):
                 for robot, topics in self._robots.items():
                     if channel in (*topics.gains, *topics.events):
@@ -287,7 +292,7 @@ class BagReader:
         listed: dict[str, list[tuple[float, float, float]]] = {}
 
         def read(message: Any) -> tuple[float, dict[str, tuple[float, float]]]:
-            return content.seconds(message.header.stamp), content.reference_rows(message)
+            return joint_states.seconds(message.header.stamp), joint_states.reference_rows(message)
 
         decoded = list(self._decoded(channel, block, chosen, read))
         stamps = np.array([stamp for _, (stamp, _) in decoded])
@@ -303,7 +308,7 @@ class BagReader:
         def replace(reason: str, count: int) -> None:
             self.replaced[f"{channel.topic}: {reason}"] += count
 
-        return content.with_times(stamps, np.asarray(1e-9 * recorded), _INSTEAD, replace)
+        return joint_states.with_times(stamps, np.asarray(1e-9 * recorded), _INSTEAD, replace)
 
 
 def _full_name(robot: str, joint: str) -> str:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from stickslip_ros.bags.decoding import Decoder, why_unreadable
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.messages import joint_states
-from stickslip_ros.messages.blocks import Channel
+from stickslip_ros.messages.joint_states import Channel
 
 REFERENCE_TYPES = ("control_msgs/msg/JointTrajectoryControllerState", "control_msgs/msg/MultiDOFStateStamped")
 GAINS_TYPE = "std_msgs/msg/Float64MultiArray"

@@ -20,8 +20,7 @@ from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.errors import InvalidParameterError, optional_packages
 from stickslip_ros.files import whole_file, write_whole
 from stickslip_ros.interrupts import check
-from stickslip_ros.messages.content import DESCRIPTION, robot_description
-from stickslip_ros.messages.joint_states import FIELDS, places_of_values
+from stickslip_ros.messages.joint_states import DESCRIPTION, FIELDS, places_of_values, robot_description
 from stickslip_ros.messages.joint_states import TYPE as JOINT_STATE
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.samples import Batch, FloatArray

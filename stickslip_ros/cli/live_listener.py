@@ -22,7 +22,7 @@ from rclpy.qos import ReliabilityPolicy
 from stickslip_ros.cli.watch_listener import WatchListener
 from stickslip_ros.cli.watch_view import JointView
 from stickslip_ros.monitoring.samples import FloatArray
-from stickslip_ros.nodes.intake.joint_state_topic import JointStateTopic
+from stickslip_ros.nodes.intake.arrivals import JointStateTopic
 from stickslip_ros.visible import visible
 
 _LISTENED = 0.1  # [s] at once

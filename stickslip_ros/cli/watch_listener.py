@@ -15,7 +15,7 @@ from sensor_msgs.msg import JointState
 
 from stickslip_ros.cli.monitor_client import MonitorClient, number_of, values_of
 from stickslip_ros.cli.watch_view import JointView
-from stickslip_ros.messages.content import seconds
+from stickslip_ros.messages.joint_states import seconds
 from stickslip_ros.output.diagnosis import Level
 from stickslip_ros.settings.parameter_names import MONITOR
 from stickslip_ros.visible import visible

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Serialized JointStates to arrays, a whole block at once.
+"""Joint states, live or recorded, as arrays: decoded messages, and serialized ones, a whole block at once.
 
 The messages of one publisher have one layout until its names change, so that stamps and values stand at the same
 places in each of them. The layout is read from one message; the others are compared with it byte by byte, in
@@ -9,16 +9,36 @@ everything but stamp and values, and then copied.
 
 from __future__ import annotations
 
+import math
+import re
 import struct
 from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any, Protocol
+from xml.sax.saxutils import quoteattr, unescape
 
 import numpy as np
+from numpy.typing import NDArray
 
-from stickslip_ros.messages import _gather_kernel as kernel
-from stickslip_ros.messages.blocks import Block, Bytes, FloatArray, Integers
-from stickslip_ros.messages.content import MessageError
+from stickslip_ros.errors import StickSlipError
+from stickslip_ros.messages import _rows_kernel as kernel
+from stickslip_ros.model.bounds import LARGEST
+from stickslip_ros.model.friction import Gains
+from stickslip_ros.visible import visible
 
+DESCRIPTION = "/robot_description"
+DESCRIPTION_TYPE = "std_msgs/msg/String"
+# Tags of joints in a URDF, by regular expressions: no parser of XML is trusted with a text of others.
+_JOINT = re.compile(r"<joint\s([^<>]{1,1000})>")
+_ATTRIBUTE = re.compile(r"\b(name|type)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
+_LONGEST_DESCRIPTION = 10_000_000  # characters of a URDF that are read: bounds the time
+_ENTITIES = {"&quot;": '"', "&apos;": "'"}
+Warn = Callable[[str], None]
+Bytes = NDArray[np.uint8]
+Integers = NDArray[np.int64]
+FloatArray = NDArray[np.float64]
+_MESSAGES, _BYTES = 4096, 16_000_000  # of a block at most: so much is held in memory at once
 TYPE = "sensor_msgs/msg/JointState"
 FIELDS = ("position", "velocity", "effort")
 _ENCAPSULATION = 4
@@ -26,6 +46,226 @@ _STAMP = 8
 _PADDING = 32  # bytes after the message, less than this: serializers reckon with more alignment than there is
 _LAYOUTS_KEPT = 64
 _MOST_NAMES = 4096  # no robot has more joints, but damaged bytes may seem to
+WRAPS = "position wraps at a whole turn; it is read on as a continuous one"
+
+
+class MessageError(StickSlipError, ValueError):
+    """A message that cannot mean anything; the text says what is wrong with it."""
+
+
+def seconds(stamp: Any) -> float:
+    """A stamp as seconds."""
+    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
+
+
+def with_times(stamps: FloatArray, others: FloatArray, what: str, refuse: Callable[[str, int], None]) -> FloatArray:
+    """Stamps [s]; the other times where a stamp is zero, which means that nobody set it.
+
+    Parameters
+    ----------
+    what : name of the other times' event, for people. refuse : called with the reason and the number of unset stamps.
+    """
+    unset = stamps == 0.0
+    if not unset.any():
+        return stamps
+    refuse(f"stamp is zero; the time of {what} is used instead", int(unset.sum()))
+    return np.where(unset, others, stamps)
+
+
+def with_time(stamp: float, other: float, what: str, refuse: Callable[[str, int], None]) -> float:
+    """One stamp [s], or the other time; see :func:`with_times`."""
+    return float(with_times(np.array([stamp]), np.array([other]), what, refuse)[0])
+
+
+def gains_from_message(message: Any) -> dict[str, Gains]:
+    """Gains of every joint in a `pd_gains` message.
+
+    Raises
+    ------
+    MessageError
+        If the layout is not [joint (names joined by commas), gain ("p,d" or "p,i,d")], or a gain is
+        not finite.
+    """
+    dimensions = message.layout.dim
+    if len(dimensions) != 2:
+        raise MessageError(f"pd_gains needs layout.dim = [joints, gains], got {len(dimensions)} dimensions")
+    joints = [name.strip() for name in dimensions[0].label.split(",")]
+    kinds = [name.strip() for name in dimensions[1].label.split(",")]
+    if kinds not in (["p", "d"], ["p", "i", "d"]):
+        raise MessageError(f"the gains' label must be 'p,d' or 'p,i,d': {dimensions[1].label!r}")
+    expected = len(joints) * len(kinds)
+    if len(message.data) != expected:
+        raise MessageError(
+            f"pd_gains needs {expected} values for {len(joints)} joints by {len(kinds)} gains, got {len(message.data)}"
+        )
+    gains = {}
+    for index, joint in enumerate(joints):
+        row = dict(zip(kinds, message.data[index * len(kinds) : (index + 1) * len(kinds)], strict=True))
+        for kind, value in row.items():
+            if not abs(value) < LARGEST:
+                raise MessageError(f"gain {kind} of {joint} must be finite and less than {LARGEST:g}: {value}")
+        gains[joint] = Gains(stiffness=row["p"], damping=row["d"], integral=row.get("i", 0.0))
+    return gains
+
+
+def reference_rows(message: Any) -> dict[str, tuple[float, float]]:
+    """Desired position and velocity of every joint in the state of a controller; NaN for what is missing.
+
+    Raises
+    ------
+    MessageError
+        If its arrays do not fit its names.
+    """
+    if hasattr(message, "dof_states"):
+        return {state.name: (state.reference, math.nan) for state in message.dof_states}
+    names = message.joint_names
+    # Older definitions have `desired` alone; newer ones have both, of which publishers fill one.
+    points = [getattr(message, name) for name in ("reference", "desired") if hasattr(message, name)]
+    if not points:
+        raise MessageError("it has neither a field reference nor a field desired")
+    point = next((point for point in points if len(point.positions)), points[0])
+    if len(point.positions) != len(names):
+        raise MessageError(f"reference has {len(point.positions)} positions for {len(names)} joints")
+    known = len(point.velocities) == len(names)
+    velocities = point.velocities if known else [math.nan] * len(names)
+    return dict(zip(names, zip(point.positions, velocities, strict=True), strict=True))
+
+
+def prismatic_joints(text: str) -> set[str]:
+    """Names of the prismatic joints in a robot's description (URDF): their positions are in metres."""
+    found = set()
+    for joint in _JOINT.findall(text[:_LONGEST_DESCRIPTION]):
+        attributes = {name: unescape(one or other, _ENTITIES) for name, one, other in _ATTRIBUTE.findall(joint)}
+        if attributes.get("type") == "prismatic":
+            found.add(attributes.get("name", ""))
+    return found
+
+
+def robot_description(names: Iterable[str], prismatic: Collection[str]) -> str:
+    """Description of a robot (URDF) with no more than the joints and their types."""
+    joints = [
+        f'<joint name={quoteattr(name)} type="{"prismatic" if name in prismatic else "revolute"}"/>' for name in names
+    ]
+    return f'<robot name="robot">{"".join(joints)}</robot>'
+
+
+@dataclass(frozen=True, kw_only=True)
+class Channel:
+    """Where messages of one type come from.
+
+    Attributes
+    ----------
+    topic, type : as ROS names them, e.g. "/joint_states", "sensor_msgs/msg/JointState".
+    encoding : of the messages, "cdr".
+    schema_encoding, schema : definition of the type, "ros2msg" or "ros2idl"; "" if the recorder did not know it.
+    """
+
+    topic: str
+    type: str
+    encoding: str = "cdr"
+    schema_encoding: str = ""
+    schema: str = ""
+
+    def __post_init__(self) -> None:
+        # Robots are named after topics; whoever reads a bag sees them, and types them, as they are shown.
+        for name in ("topic", "type", "encoding"):
+            object.__setattr__(self, name, visible(getattr(self, name)))
+
+
+def counts_by_channel(channels: Mapping[int, Channel], counts: Mapping[int, int]) -> dict[Channel, int]:
+    """How many messages each channel has, of the numbers that stand for it: there may be several."""
+    found: dict[Channel, int] = dict.fromkeys(channels.values(), 0)
+    for number, channel in channels.items():
+        found[channel] += counts.get(number, 0)
+    return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class Block:
+    """Messages in the order of their recording.
+
+    Attributes
+    ----------
+    buffer : of shape (bytes,); message n is ``buffer[offset[n] : offset[n] + length[n]]``.
+    channel : for each message, its number in ``channels``.
+    log_time : when it was recorded [ns].
+    """
+
+    buffer: Bytes
+    channels: dict[int, Channel]
+    channel: Integers
+    offset: Integers
+    length: Integers
+    log_time: Integers
+
+    def __len__(self) -> int:
+        return len(self.offset)
+
+    def message(self, number: int) -> bytes:
+        """One serialized message."""
+        begin = int(self.offset[number])
+        return self.buffer[begin : begin + int(self.length[number])].tobytes()
+
+    @staticmethod
+    def of_messages(messages: Iterable[tuple[int, int, bytes]], channels: dict[int, Channel]) -> Block:
+        """A block of (channel number, log time [ns], message)."""
+        numbers, times, data = zip(*messages, strict=True)
+        lengths = np.array([len(one) for one in data], dtype=np.int64)
+        return Block(
+            buffer=np.frombuffer(b"".join(data), dtype=np.uint8),
+            channels=channels,
+            channel=np.array(numbers, dtype=np.int64),
+            offset=np.concatenate([[0], np.cumsum(lengths)[:-1]]),
+            length=lengths,
+            log_time=np.array(times, dtype=np.int64),
+        )
+
+
+def blocks_of(messages: Iterable[tuple[int, int, bytes]], channels: dict[int, Channel]) -> Iterator[Block]:
+    """Messages (channel number, log time [ns], data) in blocks.
+
+    Where reading them ends in an error, those that came before it are given first.
+    """
+    batch: list[tuple[int, int, bytes]] = []
+    size = 0
+    try:
+        for one in messages:
+            batch.append(one)
+            size += len(one[2])
+            if len(batch) >= _MESSAGES or size >= _BYTES:
+                yield Block.of_messages(batch, channels)
+                batch, size = [], 0
+    except Exception:
+        if batch:
+            yield Block.of_messages(batch, channels)
+        raise
+    if batch:
+        yield Block.of_messages(batch, channels)
+
+
+def with_progress(blocks: Iterable[Block], total: int, size: int, progress: Callable[[int], None]) -> Iterator[Block]:
+    """Blocks of a file; ``progress`` is told the share of its size [bytes] that they have of all its messages."""
+    count, reported = 0, 0
+    for block in blocks:
+        yield block
+        count += len(block)
+        read = size * min(count, total) // max(total, 1)
+        progress(read - reported)
+        reported = read
+    progress(size - reported)
+
+
+class Storage(Protocol):
+    """One file of a bag."""
+
+    def channels(self) -> dict[Channel, int]:
+        """The channels, and how many messages each has."""
+
+    def blocks(self, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
+        """The messages of the wanted channels, perhaps with others among them.
+
+        ``progress`` is told how many bytes of the file have been dealt with since it was told last.
+        """
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -217,3 +457,46 @@ class _Cursor:
         if self.at > len(self._message):
             raise MessageError(f"it is cut off at {len(self._message)} bytes")
         return begin
+
+
+class WholeTurns:
+    """Removes whole turns from the positions of joints, row after row; how rows are cut into batches has no effect.
+
+    A step counts as a whole turn if the motion goes on beyond it: less the turn, it is hardly larger than the step
+    before. Positions have to stay within one turn until then, as those that wrap do.
+
+    Parameters
+    ----------
+    warn : called once for each joint that wraps, with a sentence.
+
+    Attributes
+    ----------
+    counts : how many whole turns were removed, by joint.
+    """
+
+    def __init__(self, warn: Warn = lambda _: None) -> None:
+        self._warn = warn
+        self.counts: Counter[str] = Counter()
+        self._states: dict[str, FloatArray] = {}
+
+    def removed(self, joint: str, rows: FloatArray) -> FloatArray:
+        """The rows with positions that go on over whole turns.
+
+        Parameters
+        ----------
+        rows : time, position [rad], and other values, of shape (n, at least 2). They are not changed.
+        """
+        state = self._states.get(joint)
+        if state is None:
+            state = self._states[joint] = np.array([math.nan, math.inf, -math.inf, 0.0, 0.0])
+        added = np.empty(len(rows))
+        turns = kernel.follow(np.ascontiguousarray(rows[:, 1]), LARGEST, state, added)
+        if turns:
+            if joint not in self.counts:
+                self._warn(f"{joint}: {WRAPS}")
+            self.counts[joint] += turns
+        elif state[kernel.ADDED] == 0.0:
+            return rows
+        found: FloatArray = rows.copy()
+        found[:, 1] += added
+        return found

@@ -1,33 +1,260 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""How a joint is judged, and everything known of it at one time."""
+"""How a joint is judged, everything known of it at one time, and what is predicted: its margin, advice, exact verdicts.
+
+Advice and exact verdicts take milliseconds to seconds: a question says what they depend on, and when the answer to one
+answers another.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_not_negative
 from stickslip_ros.model.conditions import OperatingConditions
-from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.model.margin import StabilityMargin
-from stickslip_ros.monitoring.advice.adviser import Advice
-from stickslip_ros.monitoring.advice.limits import AdviceLimits
-from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, Variant
+from stickslip_ros.model.dimensionless import dimensionless_groups
+from stickslip_ros.model.exact import exact_critical_damping_ratio
+from stickslip_ros.model.friction import Gains, Joint, Real
+from stickslip_ros.model.margin import StabilityMargin, damping_reserve, stability_margin
+from stickslip_ros.model.verdict import ExactVerdict, beyond_the_paper, verdict
+from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, ObservedLoop
+from stickslip_ros.monitoring.advice.recommendation import Advice, Kind, Recommendation, Variant, no_advice
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.reversals import ReversalRecord
-from stickslip_ros.monitoring.detection.status import Finding
+from stickslip_ros.monitoring.detection.status import Finding, Status
 from stickslip_ros.monitoring.friction.change import FrictionChange
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.friction.presliding import PreslidingEstimate
-from stickslip_ros.monitoring.uncertainty import Uncertainty
+from stickslip_ros.monitoring.samples import FloatArray
+from stickslip_ros.monitoring.selected_model import SelectedModel, approximately_equal, select_model, uncertainty_of
+from stickslip_ros.monitoring.uncertainty import Uncertainty, stick_slip_probability
 
+_SPEEDS_APART = 0.1  # difference of the logarithms of two speeds at which a reserve is integrated, 1
+_TOLERANCE = 5e-3  # error of a critical damping ratio, of it: no status changes with it
+_COMPARABLE = 2.0  # ratio of speeds, up to which an answer is shown until the next is computed
+# Relative differences, up to which an answer is kept.
+_SAME_ADVICE_SPEED = 0.01  # changes the advised gains by less than they are printed to
+_SAME_RATE = 0.05  # of the sample rate, which is estimated
+_SAME_ERROR = 0.2  # of position and velocity errors, maxima that scatter from second to second, and of noise
 # Slip of which nine of ten are found, counts and standard deviations of the noise (docs/detection.md).
 _SEEN_COUNTS, _SEEN_NOISES = 15.0, 50.0
 _STEP = 0.02  # step that a friction factor is rounded up to, 1
+NOT_COMPUTED = ExactVerdict(smooth=None)
+_SAME_SPEED = 0.02  # difference of two speeds, of the speed: within it an answer still holds
+_SAME_GAINS = 0.01  # difference of two gains, of the gain: within it an answer still holds
+_SEEN = 0.99  # probability of stick-slip that is detected, 1: of a hundred detections one may be false
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AdviceQuestion:
+    """What advice depends on; see :func:`stickslip_ros.monitoring.advice.recommend.recommend`.
+
+    Attributes
+    ----------
+    velocity : commanded speed, not negative [rad/s].
+    before : advice given before, which stands unless other gains are clearly better.
+    """
+
+    joint: Joint
+    gains: Gains
+    velocity: float
+    limits: AdviceLimits
+    uncertainty: Uncertainty | None
+    loop: ObservedLoop
+    gains_known: bool
+    before: Recommendation | None = None
+
+    def of_the_same_controller(self, other: AdviceQuestion) -> bool:
+        """Whether gains and limits are the same, however friction and speed have changed."""
+        return (
+            self.gains_known == other.gains_known
+            and (not self.gains_known or self.gains == other.gains)
+            and self.limits == other.limits
+            and self.loop.conditions == other.loop.conditions
+        )
+
+    def comparable(self, other: AdviceQuestion) -> bool:
+        """Whether the answer to the one is of use until the other is answered: at speeds within a factor of two.
+
+        A joint that stood still and moves now needs other gains than none.
+        """
+        slower, faster = sorted((abs(self.velocity), abs(other.velocity)))
+        return self.of_the_same_controller(other) and faster <= _COMPARABLE * slower
+
+    def about_the_same(self, other: AdviceQuestion) -> bool:
+        """Whether both are about the same joint, gains and limits, at whatever speed."""
+        return (
+            self.joint is other.joint
+            and self.gains == other.gains
+            and self.uncertainty is other.uncertainty
+            and self.of_the_same_controller(other)
+        )
+
+    def similar(self, other: AdviceQuestion, speeds: float = _SAME_ADVICE_SPEED) -> bool:
+        """Whether the answer to the one answers the other: at speeds that differ by no more than a share."""
+        mine, its = self.loop, other.loop
+        return (
+            self.about_the_same(other)
+            and _near(self.velocity, other.velocity, speeds)
+            and _near(mine.sample_rate, its.sample_rate, _SAME_RATE)
+            and _near(mine.position_noise, its.position_noise, _SAME_ERROR)
+            and _near(mine.velocity_noise, its.velocity_noise, _SAME_ERROR)
+            and (
+                math.isinf(self.limits.effort)
+                or (
+                    _near(mine.tracking_error, its.tracking_error, _SAME_ERROR)
+                    and _near(mine.velocity_error, its.velocity_error, _SAME_ERROR)
+                )
+            )
+        )
+
+
+Adviser = Callable[[AdviceQuestion], Advice | None]
+
+
+class MarginPrediction:
+    """The selected model of a joint, its margin, and the advice that follows; :meth:`follow` gives what is known now.
+
+    Parameters
+    ----------
+    adviser : answers questions for advice, or returns None as long as it is at work.
+
+    Attributes
+    ----------
+    selected : joint and gains to compute with, None if they are not known; why_none : what is missing then.
+    """
+
+    def __init__(self, adviser: Adviser) -> None:
+        self._adviser = adviser
+        self._last: tuple[SelectedModel, float, StabilityMargin, tuple[float, float]] | None = None
+        self._advised: tuple[AdviceQuestion, Advice] | None = None
+        self._basis: tuple[FrictionEstimate | None, Joint | None, Gains | None, bool] | None = None
+        self.selected: SelectedModel | None = None
+        self.why_none = ""
+        self._exact: ExactReserves | None = None
+
+    def follow(
+        self, estimate: FrictionEstimate | None, configured: Joint | None, gains: Gains | None, *, velocity_loop: bool
+    ) -> None:
+        """Keep the model until it changes by more than 1 %; parameters as of :func:`select_model`."""
+        basis = (estimate, configured, gains, velocity_loop)
+        if self._basis is not None and all(one is other for one, other in zip(self._basis, basis, strict=True)):
+            return
+        selected, self.why_none = select_model(estimate, configured, gains, velocity_loop=velocity_loop)
+        if selected is None or self.selected is None or not approximately_equal(selected, self.selected):
+            self.selected = selected
+        self._basis = basis
+
+    def margin(self, velocity: float) -> tuple[StabilityMargin | None, str]:
+        """The margin at a velocity [rad/s], or None; and why there is none, or it does not apply."""
+        if self.selected is None:
+            return None, self.why_none
+        if not math.isfinite(velocity):
+            return None, "the commanded velocity is not known"
+        margin, _ = self._at(self.selected, velocity)
+        return margin, str(margin.reason or "")
+
+    def uncertainty(self, velocity: float) -> tuple[float, float]:
+        """Of the margin at a velocity [rad/s] the standard error [M x˙_s²], and how probable stick-slip is by Eq. (43).
+
+        NaN where they are not known.
+        """
+        return (math.nan, math.nan) if self.selected is None else self._at(self.selected, velocity)[1]
+
+    def _at(self, selected: SelectedModel, velocity: float) -> tuple[StabilityMargin, tuple[float, float]]:
+        last = self._last
+        # Many a speed is asked for again and again: that of the reference, and the mean of the last cycles.
+        if last is None or last[0] is not selected or last[1] != velocity:
+            margin = stability_margin(selected.joint, selected.gains, velocity)
+            last = self._last = (selected, velocity, margin, uncertainty_of(margin, selected, velocity))
+        return last[2:]
+
+    def advise(
+        self, selected: SelectedModel, velocity: float, limits: AdviceLimits, loop: ObservedLoop
+    ) -> Advice | None:
+        """Advice by the selected model, None while it is being computed."""
+        if selected.no_advice:
+            return no_advice(selected.no_advice, abs(velocity), limits, gains_known=selected.gains_known)
+        question = AdviceQuestion(
+            joint=selected.joint,
+            gains=selected.gains,
+            velocity=abs(velocity),
+            limits=limits,
+            uncertainty=selected.uncertainty,
+            loop=loop,
+            gains_known=selected.gains_known,
+        )
+        if self._advised is not None and self._advised[0].comparable(question):
+            question = replace(question, before=self._advised[1].recommendation)
+        advice = self._adviser(question)
+        if advice is not None:
+            self._advised = (question, advice)
+        return advice
+
+    def damping_reserves(
+        self, velocities: FloatArray, condition: Criterion, conditions: OperatingConditions
+    ) -> tuple[FloatArray, Criterion]:
+        """Relative damping reserves ρ/ρ_c − 1 at velocities [rad/s], and by which condition; NaN where unknown."""
+        reserves = np.full(len(velocities), np.nan)
+        speeds = np.abs(velocities)
+        known = np.isfinite(speeds) & (speeds > 0)
+        selected = self.selected
+        if selected is None or not known.any() or not selected.gains.stiffness > 0:
+            return reserves, condition
+        if condition is Criterion.PAPER and selected.of_the_paper:
+            reserves[known] = stability_margin(
+                conditions.at_constant_speed.applied_to(selected.joint), selected.gains, speeds[known]
+            ).damping_reserve
+            return reserves, condition
+        reserves[known] = self.exact_reserves(selected, conditions).at(speeds[known])
+        return reserves, Criterion.EXACT
+
+    def exact_reserves(self, selected: SelectedModel, conditions: OperatingConditions) -> ExactReserves:
+        """Damping reserves by integration; those of the last model and conditions are kept."""
+        if self._exact is None or self._exact.model is not selected or self._exact.conditions != conditions:
+            self._exact = ExactReserves(selected, conditions)
+        return self._exact
+
+
+class ExactReserves:
+    """Damping reserves of a model by integration, interpolated between a few speeds at which it is made.
+
+    An integration takes a millisecond or more, and there are many batches of samples a second. ``beyond_the_paper`` :
+    whether integral action, sampled control or the like make it take longer still.
+    """
+
+    def __init__(self, model: SelectedModel, conditions: OperatingConditions) -> None:
+        self.model, self.conditions = model, conditions
+        self._joint = conditions.at_constant_speed.applied_to(model.joint)
+        self.beyond_the_paper = beyond_the_paper(model.joint, model.gains, conditions)
+        self._critical: dict[int, float] = {}  # critical damping ratios by the number of their speed
+
+    @cached_property
+    def _ratio(self) -> Real:
+        return dimensionless_groups(self._joint, self.model.gains, 1.0).damping_ratio
+
+    def at(self, speeds: FloatArray) -> FloatArray:
+        """Relative damping reserves ρ/ρ_c − 1 at speeds [rad/s]."""
+        places = np.log(speeds) / _SPEEDS_APART
+        below = np.floor(places).astype(int)
+        missing = [node for node in np.unique([below, below + 1]).tolist() if node not in self._critical]
+        if missing:
+            at = np.exp(_SPEEDS_APART * np.array(missing, dtype=float))
+            groups = dimensionless_groups(self._joint, self.model.gains, at)
+            found = np.asarray(exact_critical_damping_ratio(groups, tolerance=_TOLERANCE))
+            self._critical.update(zip(missing, found.tolist(), strict=True))
+        low, high = (np.array([self._critical[node] for node in nodes.tolist()]) for nodes in (below, below + 1))
+        return np.asarray(damping_reserve(self._ratio, low + (places - below) * (high - low)))
+
+
+def _near(one: float, other: float, share: float) -> bool:
+    return abs(one - other) <= share * abs(other) or (math.isnan(one) and math.isnan(other))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,7 +399,8 @@ class Assessment:
     @property
     def recommended(self) -> Variant | None:
         """The recommended variant, whether it holds gains or the reason why there are none."""
-        return self.advice.recommendation[self.variant] if self.advice is not None else None
+        variants = self.advice.recommendation.variants if self.advice is not None else ()
+        return next((one for one in variants if one.kind is self.variant), None)
 
     @property
     def misfit_text(self) -> str:
@@ -186,7 +414,7 @@ class Assessment:
         """The recommendation as a person reads it; "" without any."""
         if self.recommended is None:
             return ""
-        if not self.recommended.found or not self.misfit_text:
+        if not self.misfit_text or not self.recommended.found:
             return self.recommended.reason
         return f"perhaps {self.recommended.reason}; {self.misfit_text}"
 
@@ -194,3 +422,65 @@ class Assessment:
     def lowest_smooth_velocity(self) -> float:
         """With the present gains, by Eq. (43) [rad/s]; NaN if unknown."""
         return self.advice.lowest_smooth_velocity if self.advice is not None else math.nan
+
+
+def as_seen(verdict: ExactVerdict, status: Status) -> ExactVerdict:
+    """The verdict on the present gains at the present speed, beside the status of the motion: what is seen is probable.
+
+    The probability that follows from the errors of friction is 0.3 beside many a joint that sticks all the time.
+    """
+    if status is not Status.STICK_SLIP or not verdict.stick_slip_probability < _SEEN:
+        return verdict
+    return replace(verdict, stick_slip_probability=_SEEN)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExactQuestion:
+    """Whether a joint sticks and slips at a speed [rad/s], which is not negative, and how sure that is.
+
+    ``uncertainty`` is that of the joint, None if it is given; it changes with the joint alone.
+    """
+
+    joint: Joint
+    gains: Gains
+    conditions: OperatingConditions
+    speed: float
+    uncertainty: Uncertainty | None = field(default=None, compare=False)
+
+    @classmethod
+    def on(cls, state: Assessment, gains: Gains | None, conditions: OperatingConditions) -> ExactQuestion | None:
+        """The question on an assessed joint, with gains that need not be its own; None if it cannot be asked."""
+        if state.joint is None or gains is None or not math.isfinite(state.velocity):
+            return None
+        return cls(
+            joint=state.joint,
+            gains=gains,
+            conditions=conditions,
+            speed=abs(state.velocity),
+            uncertainty=state.uncertainty,
+        )
+
+    def verdict(self) -> ExactVerdict:
+        """The answer, worked out."""
+        answer = verdict(self.joint, self.gains, self.speed, self.conditions)
+        if self.uncertainty is None or answer.smooth is None:
+            return answer
+        # Draws are integrated as rigid joints under continuous control.
+        if self.conditions.controller_period > 0 or self.joint.transmission is not None:
+            return answer
+        probability = stick_slip_probability(self.uncertainty, self.gains, self.speed)
+        return replace(answer, stick_slip_probability=probability)
+
+    def of_the_same_controller(self, other: ExactQuestion) -> bool:
+        """Whether conditions and gains are the same, the latter but for what learning makes of them per inertia."""
+        pairs = [(getattr(self.gains, name), getattr(other.gains, name)) for name in vars(self.gains)]
+        near = all(abs(float(one) - float(two)) <= _SAME_GAINS * abs(float(two)) for one, two in pairs)
+        return near and self.conditions == other.conditions
+
+    def at_the_same_speed(self, other: ExactQuestion) -> bool:
+        """Whether the speeds are as good as the same."""
+        return abs(self.speed - other.speed) <= _SAME_SPEED * other.speed
+
+    def answers(self, other: ExactQuestion) -> bool:
+        """Whether the answer to this one is as good as the other's own: they are about the same joint too."""
+        return self.joint == other.joint and self.of_the_same_controller(other) and self.at_the_same_speed(other)

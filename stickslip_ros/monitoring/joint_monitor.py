@@ -15,10 +15,9 @@ import numpy as np
 from stickslip_ros.model.bounds import LARGEST
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.margin import stability_margin
-from stickslip_ros.model.verdict import beyond_the_paper
-from stickslip_ros.monitoring.advice.adviser import Adviser
-from stickslip_ros.monitoring.advice.limits import Criterion, ObservedLoop, crossover_frequency
-from stickslip_ros.monitoring.assessment import Assessment, MonitorOptions
+from stickslip_ros.monitoring.advice.adviser import CachingAdviser
+from stickslip_ros.monitoring.advice.limits import Criterion, ObservedLoop
+from stickslip_ros.monitoring.assessment import Adviser, Assessment, MarginPrediction, MonitorOptions
 from stickslip_ros.monitoring.detection import _judgement_kernel as judgement
 from stickslip_ros.monitoring.detection import _motion_kernel as kernel
 from stickslip_ros.monitoring.detection.cycles import Cycle, CycleDetector
@@ -47,9 +46,7 @@ from stickslip_ros.monitoring.detection.status import (
 from stickslip_ros.monitoring.friction.learner import FrictionLearner, LearnerMemory
 from stickslip_ros.monitoring.friction.presliding import PreslidingMeter
 from stickslip_ros.monitoring.friction.slip_windows import slip_window
-from stickslip_ros.monitoring.margin_prediction import MarginPrediction
-from stickslip_ros.monitoring.sample_buffer import SampleBuffer
-from stickslip_ros.monitoring.samples import Batch, FloatArray, SampleFilter
+from stickslip_ros.monitoring.samples import Batch, FloatArray, SampleBuffer, SampleFilter
 
 _RECENT_CYCLES = 5  # latest cycles that are kept, 1
 _ANOTHER_SPEED = 4.0  # ratio of two speeds of the reference, 1: a larger one begins a new train
@@ -111,7 +108,7 @@ class JointMonitor:
         self._studies_at_once, self._at_arrest = studies_at_once, at_arrest
         self.learner = FrictionLearner(joint, self.options.memory)
         self._gains_since = -math.inf
-        self._prediction = MarginPrediction(adviser)
+        self._prediction = MarginPrediction(adviser or CachingAdviser())
         self._filter = SampleFilter()
         self.cycle_count = 0
         self._last_cycle: Cycle | None = None
@@ -270,9 +267,12 @@ class JointMonitor:
         cycles: list[Cycle] = []
         self._samples.add(batch)
         self._note_needed_motion()
-        for rest in self._rests.feed(batch):
-            if isinstance(rest, Swing):
-                cycles += self._settle(self._cycles.add_swing(rest))
+        for event in self._motion.follow(batch):
+            if isinstance(event, Swing):
+                cycles += self._settle(self._cycles.add_swing(event))
+                continue
+            rest = self._rests.rest_at(complete=event)
+            if rest is None:
                 continue
             if rest.complete:
                 self._reversals.add_rest(rest, self._samples)
@@ -287,7 +287,8 @@ class JointMonitor:
         self._take_slices()
         for turned in self._motion.turns():
             self._reversals.turn(turned, self._samples)
-        self._reversals.poll(self._motion.last_time, self._samples)
+        if self._motion.last_time >= self._reversals.due:
+            self._reversals.poll(self._motion.last_time, self._samples)
         if self._motion.silent is not None:
             # What lies in a silence was not seen: what follows is followed anew.
             unseen = batch.where(slice(self._motion.silent, None))
@@ -313,7 +314,7 @@ class JointMonitor:
         for cycle in cycles:
             if self._recent and not _follows(cycle, self._recent[-1]):
                 self._recent.clear()
-            if self._recent:
+            if self._recent and self._keeps_the_past:
                 # One slip may be chance. From the second one on, what lay between two slips was stick-slip.
                 first = len(self._recent) == 1
                 self._segments.relabel(cycle.breakaway if first else self._recent[-1].arrest, cycle.arrest)
@@ -424,9 +425,10 @@ class JointMonitor:
         """
         self._select_model()
         selected = self._prediction.selected
-        if selected is None or beyond_the_paper(selected.joint, selected.gains, self.options.conditions):
+        conditions = self.options.conditions
+        if selected is None or self._prediction.exact_reserves(selected, conditions).beyond_the_paper:
             return math.nan
-        reserves, _ = self._prediction.damping_reserves(np.array([velocity]), Criterion.EXACT, self.options.conditions)
+        reserves, _ = self._prediction.damping_reserves(np.array([velocity]), Criterion.EXACT, conditions)
         return float(reserves[0])
 
     def _damping_reserves(self, velocities: FloatArray) -> tuple[FloatArray, Criterion]:
@@ -472,7 +474,7 @@ class JointMonitor:
             loop = ObservedLoop(
                 conditions=self.options.conditions,
                 sample_rate=self._sample_rate(),
-                crossover=crossover_frequency(selected.joint, selected.gains) if selected.gains.stiffness > 0 else 0.0,
+                crossover=selected.crossover,
                 tracking_error=tracking_error,
                 velocity_error=velocity_error,
                 position_noise=position_noise,

@@ -7,12 +7,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from stickslip_ros.model.bounds import TINY
 from stickslip_ros.model.friction import Gains, Joint, Real
 from stickslip_ros.model.margin import StabilityMargin, stability_margin
+from stickslip_ros.monitoring.advice.limits import Criterion, criterion_for, crossover_frequency
 from stickslip_ros.monitoring.drive import DriveGains
 from stickslip_ros.monitoring.friction.estimate import DRAWS, FrictionEstimate
 from stickslip_ros.monitoring.samples import FloatArray
@@ -53,6 +55,16 @@ class SelectedModel:
     rests_on: str
     per_inertia: bool = False
     no_advice: str = ""
+
+    @cached_property
+    def of_the_paper(self) -> bool:
+        """Whether Eq. (43) is of the joint."""
+        return criterion_for(self.joint, Criterion.PAPER) is Criterion.PAPER
+
+    @cached_property
+    def crossover(self) -> float:
+        """Crossover frequency of the position loop [rad/s]; 0 without stiffness."""
+        return crossover_frequency(self.joint, self.gains) if self.gains.stiffness > 0 else 0.0
 
 
 def approximately_equal(one: SelectedModel, other: SelectedModel) -> bool:

@@ -21,10 +21,9 @@ from stickslip_ros.nodes import monitor_parameters
 from stickslip_ros.nodes.gains.ramp_journal import RampJournal
 from stickslip_ros.nodes.joints.joint_parameters import OwnChange
 from stickslip_ros.nodes.joints.watched_joints import GainBounds
-from stickslip_ros.nodes.pace import SHORTEST_TICK
 from stickslip_ros.nodes.parameter_answers import follow_by, refuse_by
 from stickslip_ros.nodes.running import run
-from stickslip_ros.nodes.session import Session
+from stickslip_ros.nodes.session import SHORTEST_TICK, Session
 
 RCLError = rclpy_implementation.RCLError
 

@@ -16,7 +16,7 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 
 from stickslip_ros.messages.gain_layouts import some
-from stickslip_ros.nodes.intake.drain import DrainedSubscription
+from stickslip_ros.nodes.intake.arrivals import DrainedSubscription
 from stickslip_ros.nodes.intake.publishers import SCAN_EVERY
 from stickslip_ros.visible import visible
 

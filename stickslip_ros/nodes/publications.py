@@ -1,36 +1,62 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""What the node publishes and logs of its joints: diagnostics, margins, cycles, friction, advice."""
+"""What the node publishes and logs of its joints: diagnostics, margins, cycles, friction, advice.
+
+Diagnoses become the bytes of a DiagnosticArray here, because rclpy takes several times as long. The encoding is CDR
+(OMG, Common Data Representation), little-endian, as every ROS 2 middleware reads it. `~/stability_map` and
+`~/recommended_compensation`, which take a second to compute, are latched: each is computed only while somebody listens,
+and again on change.
+"""
 
 from __future__ import annotations
 
+import math
+import struct
 from array import array as array_of
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
+from functools import lru_cache
 from time import monotonic
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
-from sensor_msgs.msg import JointState
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import CompressedImage, JointState
 from std_msgs.msg import Float64MultiArray
 
 from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.verdict import ExactVerdict
+from stickslip_ros.monitoring.advice.compensations import CompensatedGains, CompensationQuestion, compensation_advice
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
-from stickslip_ros.nodes.conversion import StatusBytes, diagnostic_array_bytes, friction_message, status_bytes, table
+from stickslip_ros.nodes.conversion import friction_message, table
+from stickslip_ros.nodes.joints.watched_joints import WORTH_CHANGING
+from stickslip_ros.nodes.slow_work import Background, SlowWork
+from stickslip_ros.output.compensation import compensation_diagnosis, compensation_question
 from stickslip_ros.output.diagnosis import Diagnosis, cycle_diagnostic, joint_diagnostic, waiting_diagnostic
 from stickslip_ros.output.published import MARGIN_FIELDS, margin_row
+from stickslip_ros.output.stability_map import MapSubject, picture, subject_of
 from stickslip_ros.visible import visible
 
 _APART = 10.0  # time between two lines on a joint, s: a person reads the log
 _FURTHEST_APART = 600.0  # limit of that time, s: it doubles while the status goes on changing
+_ENCAPSULATION = b"\x00\x01\x00\x00"
+_ALIGNED = 4  # alignment of numbers and of lengths of texts, bytes: CDR has it
+_LENGTH = struct.Struct("<I")
+_HEADER = struct.Struct("<iI")
+_MOST_TEXTS = 4096  # number of cached texts, 1: keys, and names of at most 256 joints
 _CALM = tuple(one.value for one in Status if one not in (Status.STICK_SLIP, Status.AT_RISK))
+_REQUEST_EVERY = 10.0  # time between two questions on a joint, s: each takes a second of the slow process
+_LATCHED = QoSProfile(depth=64, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+Question = TypeVar("Question")
+Answer = TypeVar("Answer")
+_MAP_CHANGE = 0.03  # relative change of a number, 1: a smaller one cannot be seen in a map
+_COMPENSATION_CHANGE = 0.05  # relative change of a number, 1: a smaller one changes nothing of the rounded answer
 
 
 def quiet_publisher(node: LifecycleNode, message_type: type, topic: str, quality: Any) -> LifecyclePublisher:
@@ -121,7 +147,7 @@ class Findings:
     silent_for : time without samples [s], None if samples come. trouble : why the joint cannot be judged, or "".
     missing : why states, gains or references are missing, or "".
     applied : last outcome of `~/apply_recommendation`, or "".
-    advised : gains in the controller's units, None if there are none. conditions : beyond the paper, as configured.
+    conditions : beyond the paper, as configured.
     """
 
     assessment: Assessment
@@ -131,7 +157,6 @@ class Findings:
     trouble: str
     missing: str
     applied: str
-    advised: Gains | None
     conditions: OperatingConditions
     here: ExactVerdict | None = None
 
@@ -211,13 +236,16 @@ class Publications:
         if statuses:
             self._diagnostics.publish(diagnostic_array_bytes(self._now(), statuses))
 
-    def publish_tables(self, joints: Mapping[str, Findings], reported: Sequence[str]) -> None:
+    def publish_tables(
+        self, joints: Mapping[str, Findings], reported: Sequence[str], advised: Mapping[str, Gains | None]
+    ) -> None:
         """Publish the numbers, each table only while somebody listens: later listeners would not get it.
 
         Parameters
         ----------
         joints : findings on all joints, because `~/margins` and `~/recommended_gains` always have every joint.
         reported : names of joints to report on `~/friction` now.
+        advised : recommended gains of each joint in the controller's units, None if there are none.
         """
         if not joints:
             return
@@ -231,10 +259,10 @@ class Publications:
                 rows.extend(self._rows[name])
             self._margins.publish(table(list(joints), MARGIN_FIELDS, rows))
         if _has_listeners(self._recommended):
-            advised = {name: one.advised for name, one in joints.items() if one.advised is not None}
-            if advised:
-                values = [float(value) for gains in advised.values() for value in (gains.stiffness, gains.damping)]
-                self._recommended.publish(table(list(advised), ("p", "d"), values))
+            gains = {name: found for name in joints if (found := advised.get(name)) is not None}
+            if gains:
+                values = [float(value) for one in gains.values() for value in (one.stiffness, one.damping)]
+                self._recommended.publish(table(list(gains), ("p", "d"), values))
 
     def _publish_diagnoses(self, topic: LifecyclePublisher, diagnoses: Iterable[Diagnosis]) -> None:
         statuses = [status_bytes(one, self.robot) for one in diagnoses]
@@ -247,3 +275,199 @@ class Publications:
 def _has_listeners(publisher: LifecyclePublisher) -> bool:
     """Whether anybody would get a message that is published now."""
     return bool(publisher.get_subscription_count())
+
+
+@dataclass(frozen=True, kw_only=True)
+class StatusBytes:
+    """Serialized DiagnosticStatus, at any place of an array.
+
+    Attributes
+    ----------
+    body : bytes after the level. filled : number of padding bytes at the end of the body.
+    """
+
+    level: int
+    body: bytes
+    filled: int
+
+
+def status_bytes(diagnosis: Diagnosis, robot: str = "") -> StatusBytes:
+    """Serialize a status.
+
+    Parameters
+    ----------
+    robot : prefix of the names, "" or ending in a slash: robots have joints of the same names, and one /diagnostics.
+    """
+    body = bytearray(_known_text(robot + diagnosis.name))
+    body += _text(diagnosis.message)
+    body += _known_text(robot + diagnosis.hardware_id)
+    body += _LENGTH.pack(len(diagnosis.values))
+    last = b""
+    for key, value in diagnosis.values:
+        body += _known_text(key)
+        last = _text(value)
+        body += last
+    filled = -(_LENGTH.unpack_from(last)[0]) % _ALIGNED if last else 0
+    return StatusBytes(level=diagnosis.level, body=bytes(body), filled=filled)
+
+
+def diagnostic_array_bytes(stamp: Time, statuses: Iterable[StatusBytes]) -> bytes:
+    """A serialized DiagnosticArray."""
+    statuses = list(statuses)
+    data = bytearray(_ENCAPSULATION)
+    data += _HEADER.pack(stamp.sec, stamp.nanosec)
+    data += _text("")
+    data += _LENGTH.pack(len(statuses))
+    filled = 0
+    for one in statuses:
+        # A level is one byte, and needs no padding before it.
+        if filled:
+            data[-filled] = one.level
+        else:
+            data += bytes((one.level, 0, 0, 0))
+        data += one.body
+        filled = one.filled
+    return bytes(data[: len(data) - filled])
+
+
+def _text(text: str) -> bytes:
+    """Serialized text: length, characters, the zero after them, and padding."""
+    characters = text.encode("utf-8", "replace") + b"\x00"
+    return _LENGTH.pack(len(characters)) + characters + bytes(-len(characters) % _ALIGNED)
+
+
+_known_text = lru_cache(_MOST_TEXTS)(_text)  # keys and names are the same all the time
+
+
+class WhileListened(Generic[Question, Answer]):
+    """Topic of the answers to one kind of question. A joint has an answer from when it first sticks or is at risk.
+
+    One question at a time is computed, because each occupies the process for slow work for a second.
+
+    Parameters
+    ----------
+    kind : name of the kind. answer : answers a question; a function of a module, which another process can import.
+    question : makes a question of a joint's name and findings, None where there is none.
+    numbers : values of a question that may differ a little between questions of one answer, and what may not differ.
+    change : largest relative difference of such a value [1].
+    message : makes a message of a joint's name, a question and its answer, or its bytes.
+    """
+
+    def __init__(
+        self,
+        node: LifecycleNode,
+        work: SlowWork,
+        topic: str,
+        message_type: type,
+        *,
+        kind: str,
+        answer: Callable[[Question], Answer],
+        question: Callable[[str, Findings], Question | None],
+        numbers: Callable[[Question], tuple[list[float], object]],
+        change: float,
+        message: Callable[[str, Question, Answer], Any],
+    ) -> None:
+        self._node = node
+        self._question, self._numbers, self._change, self._message = question, numbers, change, message
+        self._publisher = quiet_publisher(node, message_type, topic, _LATCHED)
+        self._answers: Background[Question, Answer] = Background(work, kind, answer)
+        self._shown: dict[str, Question] = {}
+        self._requested = ""  # the joint whose question is under way
+        self._listeners = 0
+
+    def close(self) -> None:
+        """Take the topic from the graph."""
+        self._node.destroy_lifecycle_publisher(self._publisher)
+
+    def attend(self, joints: Mapping[str, Findings], now: float) -> None:
+        """Publish answers that are ready, and begin the next one that is due at a steady time [s]."""
+        before, self._listeners = self._listeners, self._publisher.get_subscription_count()
+        if self._listeners == 0:
+            return
+        if self._listeners > before:
+            # Not every viewer requests the messages that were published before it came.
+            self._shown.clear()
+        for name in joints:
+            known = self._answers.latest(name)
+            if known is not None and self._shown.get(name) is not known[0]:
+                self._publisher.publish(self._message(name, *known))
+                self._shown[name] = known[0]
+        if self._answers.under_way(self._requested):
+            return
+        for name, one in joints.items():
+            question = self._due(name, one, now)
+            if question is not None:
+                self._answers.submit(name, question, now)
+                self._requested = name
+                return
+
+    def _due(self, name: str, one: Findings, now: float) -> Question | None:
+        """Question about a joint that is due, None if its answer is still good or it needs none."""
+        known = self._answers.latest(name)
+        if known is None and one.assessment.finding.status not in WORTH_CHANGING:
+            return None
+        if one.silent_for is not None or self._answers.age(name, now) < _REQUEST_EVERY:
+            return None
+        question = self._question(name, one)
+        return None if known is not None and question is not None and self._similar(known[0], question) else question
+
+    def _similar(self, one: Question, other: Question) -> bool:
+        (numbers, fixed), (others, others_fixed) = self._numbers(one), self._numbers(other)
+        return fixed == others_fixed and all(
+            math.isclose(first, second, rel_tol=self._change) for first, second in zip(numbers, others, strict=True)
+        )
+
+
+def stability_maps(node: LifecycleNode, work: SlowWork) -> WhileListened[MapSubject, bytes]:
+    """Topic of maps, pictures of where a joint sticks."""
+
+    def message(name: str, _: MapSubject, image: bytes) -> CompressedImage:
+        found = CompressedImage(format="png", data=image)
+        found.header.stamp = node.get_clock().now().to_msg()
+        found.header.frame_id = name
+        return found
+
+    return WhileListened(
+        node, work, "~/stability_map", CompressedImage,
+        kind="stability map", answer=picture, question=_subject, numbers=_map_numbers, change=_MAP_CHANGE,
+        message=message,
+    )  # fmt: skip
+
+
+def _subject(name: str, one: Findings) -> MapSubject | None:
+    return subject_of(name, one.assessment, one.assessment.velocity)
+
+
+def _map_numbers(subject: MapSubject) -> tuple[list[float], object]:
+    gains = [each for each in (subject.gains, subject.advised) if each is not None]
+    numbers = [
+        abs(subject.velocity),
+        *subject.joint.numbers.values(),
+        *(value for each in gains for value in astuple(each)),
+    ]
+    return [*map(float, numbers)], (subject.advised is None, subject.per_inertia, subject.joint.friction.law)
+
+
+def recommended_compensation(
+    node: LifecycleNode, work: SlowWork, robot: str
+) -> WhileListened[CompensationQuestion, tuple[CompensatedGains, ...]]:
+    """Topic of what friction compensation buys beside the advised gains; ``robot`` precedes the joints' names."""
+
+    def message(name: str, question: CompensationQuestion, found: tuple[CompensatedGains, ...]) -> bytes:
+        status = status_bytes(compensation_diagnosis(name, question, found), robot)
+        return diagnostic_array_bytes(node.get_clock().now().to_msg(), [status])
+
+    return WhileListened(
+        node, work, "~/recommended_compensation", DiagnosticArray,
+        kind="compensation", answer=compensation_advice, question=_compensation_question,
+        numbers=_compensation_numbers, change=_COMPENSATION_CHANGE, message=message,
+    )  # fmt: skip
+
+
+def _compensation_question(_: str, one: Findings) -> CompensationQuestion | None:
+    return compensation_question(one.assessment, one.assessment.velocity, one.conditions)
+
+
+def _compensation_numbers(question: CompensationQuestion) -> tuple[list[float], object]:
+    numbers = [question.velocity, *question.joint.numbers.values(), *astuple(question.gains)]
+    return [*map(float, numbers)], (question.joint.friction.law, question.conditions)

@@ -12,8 +12,8 @@ from collections.abc import Sequence, Sized
 from dataclasses import dataclass
 from pathlib import Path
 
-from stickslip_ros.nodes.intake.joint_state_topic import JointStateTopic
-from stickslip_ros.nodes.worker.process import SlowWork
+from stickslip_ros.nodes.intake.arrivals import JointStateTopic
+from stickslip_ros.nodes.slow_work import SlowWork
 
 _MOST_OF_A_CORE = 0.8  # use of a core by this process, 1: it has little time left then
 _BUSY = 0.9  # use of all cores, 1: the machine has little time left then

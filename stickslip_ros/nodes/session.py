@@ -1,12 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""All that the monitor has between configuring and cleaning up: its parts are made here, and called in turn."""
+"""All that the monitor has between configuring and cleaning up: its parts are made here, and called in turn.
+
+The node ticks and publishes often while messages come or work is under way, rarely else. Joints with changes are
+reported at once, the others in turn; each is assessed anew before.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
+from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path
 from time import monotonic
@@ -16,6 +21,7 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from stickslip_ros.model.friction import Gains
+from stickslip_ros.monitoring.assessment import NOT_COMPUTED, as_seen
 from stickslip_ros.nodes import monitor_parameters
 from stickslip_ros.nodes.compiled_parts import CompiledParts
 from stickslip_ros.nodes.friction_feedforward import FrictionFeedforward
@@ -25,21 +31,223 @@ from stickslip_ros.nodes.gains.ramps import Ramps
 from stickslip_ros.nodes.intake.arrivals import Arrivals, reference_message_type
 from stickslip_ros.nodes.intake.inputs import Inputs
 from stickslip_ros.nodes.intake.refusals import Refusals
+from stickslip_ros.nodes.joints import joint_parameters
 from stickslip_ros.nodes.joints.joint_parameters import OwnChange
-from stickslip_ros.nodes.joints.scheduling import BatchProcessing
-from stickslip_ros.nodes.joints.watched_joints import GainBounds, WatchedJoints
+from stickslip_ros.nodes.joints.watched_joints import (
+    FEW,
+    BatchProcessing,
+    GainBounds,
+    RoundRobin,
+    WatchedJoint,
+    WatchedJoints,
+    urgent,
+)
 from stickslip_ros.nodes.other_monitors import OtherMonitors
-from stickslip_ros.nodes.pace import Pace
-from stickslip_ros.nodes.publications import Publications
-from stickslip_ros.nodes.reports import Reports
+from stickslip_ros.nodes.publications import Findings, Publications, recommended_compensation, stability_maps
 from stickslip_ros.nodes.self_diagnosis import SelfDiagnosis
+from stickslip_ros.nodes.slow_work import AdviceWorker, ExactWorker, SlowWork, attend_study
 from stickslip_ros.nodes.state.state_keeper import StateKeeper
-from stickslip_ros.nodes.worker.process import SlowWork
-from stickslip_ros.nodes.worker.questions import AdviceWorker
 from stickslip_ros.output.diagnosis import Diagnosis, Level, value_text
 
+_PUBLISH_REST = 2.5  # time between publications, mean durations of one: intake has most of the processor
+_SMOOTHING = 0.1  # weight of the last duration in the mean duration, 1: one long tick delays no joint
+_LONGEST_TICK, SHORTEST_TICK = 0.04, 0.02  # period of ticks, s: 25 Hz suffice, and 50 Hz while gains change
+_IDLE_TICK = 0.5  # period of ticks while nothing comes, s: the first message ends it at once
+_EARLY = 0.5 * SHORTEST_TICK  # a publication that is due before the middle of the next period is made now
+_IDLE_AFTER = 2.0  # time without a message and without work under way, s: a shorter pause of a publisher is usual
+_IDLE_PERIOD = 1.0  # time between two statuses of an idle node, s: nothing changes meanwhile, and each costs time
+_STALE_AFTER = 1.0  # time without a sample, s: a joint that has been silent for longer is reported as silent
+_SCAN_ALL = 0.2  # time between two scans of all joints for changes, s: a person notices no later report
 _POLL_GAINS = 0.1  # time between two polls of the controllers and the inputs, s: each queries the graph
 _TOO_LATE, _NOT_LEARNT_FROM = attrgetter("pairing.too_late"), attrgetter("monitor.learner.skipped")
+
+
+class Pace:
+    """Times of ticks and publications; times are steady [s].
+
+    Parameters
+    ----------
+    rate : rate of publications while messages come [Hz].
+    """
+
+    def __init__(self, rate: float) -> None:
+        self._period = 1.0 / rate
+        self._publish_at = -math.inf
+        self._busy_at, self._came = monotonic(), 0
+        self._spent = 0.0  # mean duration of a tick that publishes [s]
+
+    @property
+    def idle(self) -> bool:
+        """Whether no message has come for a while, and no work is under way."""
+        return monotonic() - self._busy_at > _IDLE_AFTER
+
+    @property
+    def publish_period(self) -> float:
+        """Time between two publications [s]."""
+        return max(self._period, _IDLE_PERIOD) if self.idle else self._period
+
+    def is_due(self, now: float, came: int, *, busy: bool) -> bool:
+        """Whether a publication is due, with so many messages until now, and work under way or not.
+
+        The status that ends a silence is published at once, however far the next one was away.
+        """
+        due = now >= self._publish_at - _EARLY
+        if came != self._came or busy:
+            if self.idle:
+                due, self._publish_at = True, now
+            self._busy_at, self._came = now, came
+        return due
+
+    def published(self, now: float) -> None:
+        """Set the time of the next publication, after that of a tick that began at ``now``.
+
+        However many joints there are, intake has most of the time. One long tick delays no later status.
+        """
+        self._spent += _SMOOTHING * (monotonic() - now - self._spent)
+        self._publish_at = max(self._publish_at + self.publish_period, now + _PUBLISH_REST * self._spent)
+
+    def next_tick(self, *, hurry: bool) -> float:
+        """Time until the next tick [s].
+
+        A tick costs about as much for few messages as for many, so that there is one tick for each status, and several
+        where statuses are rare. There are more ticks while gains change, and few while the node is idle.
+        """
+        if self.idle:
+            return _IDLE_TICK
+        if hurry:
+            return SHORTEST_TICK
+        return max(self._period / math.ceil(self._period / _LONGEST_TICK - 1e-6), SHORTEST_TICK)
+
+
+class Reports:
+    """Reports on the watched joints; ``findings`` has those on each, as assessed last."""
+
+    def __init__(
+        self,
+        node: LifecycleNode,
+        own_change: OwnChange,
+        joints: WatchedJoints,
+        processing: BatchProcessing,
+        *,
+        work: SlowWork,
+        inputs: Inputs,
+        ramps: Ramps,
+        publications: Publications,
+    ) -> None:
+        self._node, self._own_change, self._joints, self._processing = node, own_change, joints, processing
+        self._work, self._exact, self._inputs, self._ramps = work, ExactWorker(work), inputs, ramps
+        self._publications = publications
+        self._on_demand = (
+            stability_maps(node, work),
+            recommended_compensation(node, work, publications.robot),
+        )
+        self._round_robin = RoundRobin()
+        self._scan_at = -math.inf
+        self._change_tokens: dict[str, tuple[object, ...]] = {}
+        self._advised: dict[str, Gains | None] = {}  # recommended gains of each joint, in the controller's units
+        self.findings: dict[str, Findings] = {}
+
+    def close(self) -> None:
+        """Take the topics that are published while somebody listens from the graph."""
+        for topic in self._on_demand:
+            topic.close()
+
+    def publish(self, own: Diagnosis, now: float, period: float, published: Callable[[], None]) -> None:
+        """Publish the node's own status, those of the joints and the tables; begin the studies that are due.
+
+        Joints with changes do not wait for many others in turn: ``published`` is called between the two.
+
+        Parameters
+        ----------
+        now : a steady time [s]. period : time until the next publication [s].
+        """
+        processed = self._scan_for_changes(now)
+        reported, in_turn = self._round_robin.due(self._change_tokens, urgent(self._joints), period)
+        later = in_turn if len(self._joints) > FEW else []
+        assessed = [name for name in reported if name not in later]
+        self._assess(assessed, now)
+        self._publish_statuses(own, assessed, assessed)
+        published()
+        if later:
+            again = self._processing.may_wait(later, period)
+            assessed_later = [name for name in later if name not in again or name not in self.findings]
+            self._assess(assessed_later, now)
+            self._publish_statuses(None, later, assessed_later)
+            assessed = assessed + assessed_later
+        for name in assessed:
+            found = self.findings.get(name)
+            self._advised[name] = None if found is None else self._joints[name].advised(found.assessment)
+        self._publications.publish_tables(self.findings, reported, self._advised)
+        for topic in self._on_demand:
+            topic.attend(self.findings, now)
+        with self._own_change:
+            joint_parameters.set_recommended(
+                self._node, {name: self._advised[name] for name in assessed if name in self.findings}
+            )
+        ended = self._processing.pop_cycles()
+        for name in dict.fromkeys([*processed, *reported]):
+            attend_study(self._work, name, self._joints[name].monitor.learner)
+        for name in assessed:
+            if name in self.findings and self.findings[name].silent_for is not None:
+                ended += [(name, cycle) for cycle in self._joints[name].monitor.finish()]
+        self._publications.publish_cycles(ended)
+
+    def _assess(self, names: Iterable[str], now: float) -> None:
+        for name in names:
+            self._processing.process_pending(name, now)
+            try:
+                self.findings[name] = self._findings_of(self._joints[name], now)
+            except Exception:
+                self.findings.pop(name, None)
+                self._processing.restart_after_error(self._joints[name])
+
+    def _publish_statuses(self, own: Diagnosis | None, reported: Iterable[str], assessed: Iterable[str]) -> None:
+        warn_margin = float(self._node.get_parameter("warn_margin").value)
+        self._publications.publish_statuses(own, self.findings, reported, assessed, warn_margin=warn_margin)
+
+    def _scan_for_changes(self, now: float) -> list[str]:
+        """Joints that were processed since the last scan; their change tokens are updated.
+
+        A change token holds objects of which one is replaced when a joint is to be reported at once. Tokens of the
+        other joints are updated less often, if these are many.
+        """
+        processed = self._processing.processed()
+        names: Iterable[str] = processed
+        if now >= self._scan_at:
+            self._scan_at = now + (_SCAN_ALL if len(self._joints) > FEW else 0.0)
+            names = self._joints
+        for name in names:
+            joint = self._joints[name]
+            outcome = self._ramps.outcomes.get(name, "")
+            self._change_tokens[name] = (
+                *joint.monitor.change_token,
+                joint.trouble,
+                now - joint.heard > _STALE_AFTER,
+                outcome,
+            )
+        return processed
+
+    def _findings_of(self, joint: WatchedJoint, now: float) -> Findings:
+        assessment = joint.monitor.assessment()
+        silence = now - joint.heard
+        trial = assessment.trial if assessment.gains_known else None
+        conditions = joint.settings.options.conditions
+        complete = assessment.gains is not None and assessment.velocity_source == "reference"
+        exact = self._exact.verdict_on(joint.name, assessment, assessment.margin_gains, conditions, now)
+        if exact is NOT_COMPUTED:
+            # While gains rise in steps, each exact verdict comes too late.
+            exact = replace(exact, damping_reserve=joint.monitor.damping_reserve(assessment.velocity))
+        return Findings(
+            assessment=assessment,
+            exact=as_seen(exact, assessment.finding.status),
+            trial=self._exact.verdict_on(f"trial {joint.name}", assessment, trial, conditions, now),
+            silent_for=silence if silence > _STALE_AFTER else None,
+            trouble=joint.trouble,
+            missing="" if complete else self._inputs.missing(joint, assessment),
+            applied=self._ramps.outcomes.get(joint.name, ""),
+            here=self._exact.verdict_here(f"here {joint.name}", assessment, conditions, now),
+            conditions=conditions,
+        )
 
 
 class Session:
@@ -179,13 +387,13 @@ class Session:
         if not self._compiled.ready:
             arrivals.keep()
             return
-        until = arrivals.due_until(now)
+        until, hurry = arrivals.due_until(now), self._ramps.busy
         for came, name, gains in self._gains.heard_until(until):
-            self._process_motion(arrivals, came, now)
+            self._process_motion(arrivals, came, now, hurry=hurry)
             self._set_gains(name, gains)
-        self._process_motion(arrivals, until, now)
+        self._process_motion(arrivals, until, now, hurry=hurry)
 
-    def _process_motion(self, arrivals: Arrivals, until: float, now: float) -> None:
+    def _process_motion(self, arrivals: Arrivals, until: float, now: float, *, hurry: bool) -> None:
         samples, references = arrivals.motion_until(until)
         self.joints.mark_contested(arrivals.states.contested, arrivals.states.contest)
         for name in self.joints.hear(samples, references, now):
@@ -193,11 +401,11 @@ class Session:
             early = self._gains.heard_before(name)
             if early is not None:
                 self._set_gains(name, early)
-        for name, rows in references.items():
-            if name in self.joints:
-                self._feedforward.hear(name, rows, now)
+        for name in self.joints.fed_forward:
+            if name in references:
+                self._feedforward.hear(name, references[name], now)
         self._processing.expect(samples, references, now)
-        self._processing.poll(now, hurry=self._ramps.busy)
+        self._processing.poll(now, hurry=hurry)
         self._publications.publish_cycles(self._processing.pop_cycles())
 
     def _set_gains(self, name: str, gains: Gains | None) -> None:

@@ -16,10 +16,9 @@ from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Gains
-from stickslip_ros.monitoring.reference_pairing import ReferencePairing
-from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.monitoring.samples import Batch, ReferencePairing
 from stickslip_ros.nodes.gains.gain_intake import ControllerGains
-from stickslip_ros.nodes.intake.joint_state_topic import JointStateTopic
+from stickslip_ros.nodes.intake.arrivals import JointStateTopic
 from stickslip_ros.nodes.intake.refusals import Refusals
 from stickslip_ros.nodes.running import turn
 from stickslip_ros.nodes.trajectory_controller import LARGEST_LAG, ExperimentError, Step, TrajectoryController

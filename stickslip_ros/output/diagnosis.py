@@ -5,9 +5,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Any
 
 from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import JOINT_PARAMETERS
@@ -16,6 +17,7 @@ from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.model.units import in_ascii, unit_of
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.advice.limits import Criterion
+from stickslip_ros.monitoring.advice.recommendation import Advice, Kind
 from stickslip_ros.monitoring.advice.sensitivity import in_words
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.cycles import Cycle
@@ -24,6 +26,9 @@ from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, Frictio
 from stickslip_ros.output import published
 from stickslip_ros.output.wording import constant_effort_text, friction_change_text, kept_gains_text, reason_text
 
+Values = list[tuple[str, object]]  # keys and values
+
+_MOST_KEPT = 1024  # number of lists of values that are kept, 1: some of each of 256 joints
 _ONLY_ABSOLUTE = ("inertia", "coulomb", "load")  # per inertia the slips say nothing of them
 
 
@@ -63,14 +68,31 @@ def _diagnosis(level: Level, joint: str, message: str, values: Sequence[tuple[st
     )
 
 
+def _once(function: Callable[..., Values]) -> Callable[..., Values]:
+    """Let values be computed once for the same objects, which do not change: a status repeats most of the last one."""
+    kept: dict[tuple[int, ...], tuple[tuple[Any, ...], Values]] = {}
+
+    def values(*subjects: Any) -> Values:
+        identity = tuple(map(id, subjects))
+        if identity not in kept:
+            if len(kept) >= _MOST_KEPT:
+                kept.clear()
+            # The subjects are kept too, so that no other object gets one of their identities.
+            kept[identity] = subjects, function(*subjects)
+        return kept[identity][1]
+
+    return values
+
+
 def waiting_diagnostic(joint: str, reason: str) -> Diagnosis:
     """Status of a joint of which nothing can be said yet."""
     return _diagnosis(Level.WARN, joint, reason, [("status", Status.UNKNOWN.value), ("reason", reason)])
 
 
-def _friction_values(estimate: FrictionEstimate) -> list[tuple[str, object]]:
+@_once
+def _friction_values(estimate: FrictionEstimate) -> Values:
     """What was learnt, one number a key, and the whole in words."""
-    values: list[tuple[str, object]] = []
+    values: Values = []
     words = []
     learnt = [
         (one.name, one.unit_where(per_inertia=estimate.normalised), estimate[one.name]) for one in JOINT_PARAMETERS
@@ -101,12 +123,12 @@ def _friction_values(estimate: FrictionEstimate) -> list[tuple[str, object]]:
     return values
 
 
-def _growth_values(estimate: FrictionEstimate) -> list[tuple[str, object]]:
+def _growth_values(estimate: FrictionEstimate) -> Values:
     """By how much friction varies with place or load; nothing where it is not known to."""
     friction_factor = estimate.friction_factor
     if friction_factor is None:
         return []
-    values: list[tuple[str, object]] = [
+    values: Values = [
         ("friction varies", friction_factor.text),
         ("stribeck share that varies [1]", friction_factor.share),
         ("stribeck share that varies std [1]", friction_factor.std),
@@ -141,19 +163,20 @@ def joint_diagnostic(
     missing : why gains or reference are not known though they were configured, "" if they are.
     applied : the last outcome of `~/apply_recommendation`, "" if there was none.
     """
-    level, message = _summary(assessment, exact, warn_margin, silent_for)
+    reason = "" if assessment.finding.reason is None else reason_text(assessment.finding)
+    level, message = _summary(assessment, reason, exact, warn_margin, silent_for)
     if trouble:
         level, message = Level.WARN, trouble
     if missing:
         level, message = max(level, Level.WARN), f"{message}; {missing}"
     known = published.Known(assessment=assessment, exact=exact, trial=trial)
 
-    def rows(*sections: published.Section) -> list[tuple[str, object]]:
+    def rows(*sections: published.Section) -> Values:
         return [row for one in sections for row in one.for_diagnostics(one.of(known))]
 
-    values: list[tuple[str, object]] = [
+    values: Values = [
         *rows(published.STATUS),
-        ("reason", reason_text(assessment.finding)),
+        ("reason", reason),
         *rows(published.VELOCITY),
         ("velocity is from", assessment.velocity_source),
         ("margin reason", assessment.margin_reason),
@@ -171,12 +194,15 @@ def joint_diagnostic(
     if exact.reason:
         values.append(("exact reason", exact.reason))
     values += rows(published.GAINS, published.INTEGRAL_GAIN)
-    values += _advice_values(assessment) + _trial_values(assessment, trial)
+    if assessment.advice is not None:
+        values.append(("recommendation", assessment.advice_text))
+        values += _advice_values(assessment.advice, assessment.variant)
+    values += _trial_values(assessment, trial)
     if applied:
         values.append(("applied", applied))
     values += rows(published.BELIEF)
     if assessment.joint is not None and not assessment.per_inertia:
-        values += published.joint_values(assessment.joint)
+        values += _joint_values(assessment.joint)
     if math.isfinite(assessment.margin_std):
         values += rows(published.UNCERTAINTY)
     if math.isfinite(exact.stick_slip_probability):
@@ -186,7 +212,7 @@ def joint_diagnostic(
     if assessment.change is not None:
         values.append(("friction change", friction_change_text(assessment.change)))
     values += rows(published.CYCLES)
-    values += published.CYCLE_SIZE.for_diagnostics(assessment.last_cycle, "last ")
+    values += _last_cycle_values(assessment.last_cycle)
     values += rows(published.REVERSALS, published.PRESLIDING, published.POSITION, published.SAMPLING)
     samples = [f"{reason}: {count}" for reason, count in assessment.dropped.items()]
     single = [f"{reason}: {count}" for reason, count in assessment.blanked.items()]
@@ -201,14 +227,11 @@ def _advised_exactly(assessment: Assessment) -> bool:
     return assessment.advice is not None and assessment.advice.recommendation.condition is Criterion.EXACT
 
 
-def _advice_values(assessment: Assessment) -> list[tuple[str, object]]:
+@_once
+def _advice_values(advice: Advice, recommended: Kind) -> Values:
     """The recommended variant under plain names, then all three, and what mechanics could do."""
-    advice, chosen = assessment.advice, assessment.recommended
-    if advice is None or chosen is None:
-        return []
-    known, before = advice.recommendation.gains_known, "recommended "
-    values: list[tuple[str, object]] = [
-        ("recommendation", assessment.advice_text),
+    chosen, known, before = advice.recommendation[recommended], advice.recommendation.gains_known, "recommended "
+    values: Values = [
         *published.ADVICE.for_diagnostics(advice.recommendation),
         *published.ADVISED_FACTORS.for_diagnostics(chosen, before),
         *published.ADVISED_COST.for_diagnostics(chosen, before),
@@ -234,12 +257,16 @@ def _advice_values(assessment: Assessment) -> list[tuple[str, object]]:
     return values
 
 
-def _margin_values(section: published.Section, margin: StabilityMargin | None) -> list[tuple[str, object]]:
+_joint_values = _once(published.joint_values)
+_last_cycle_values = _once(lambda cycle: published.CYCLE_SIZE.for_diagnostics(cycle, "last "))
+
+
+def _margin_values(section: published.Section, margin: StabilityMargin | None) -> Values:
     """What Eq. (43) says of gains; that it says nothing has the key of its first row."""
     return [(section.rows[0].key(), "")] if margin is None else section.for_diagnostics(margin)
 
 
-def _trial_values(assessment: Assessment, exact: ExactVerdict) -> list[tuple[str, object]]:
+def _trial_values(assessment: Assessment, exact: ExactVerdict) -> Values:
     """What the gains on trial would do."""
     if assessment.trial is None:
         return []
@@ -251,10 +278,9 @@ def _trial_values(assessment: Assessment, exact: ExactVerdict) -> list[tuple[str
 
 
 def _summary(
-    assessment: Assessment, exact: ExactVerdict, warn_margin: float, silent_for: float | None
+    assessment: Assessment, reason: str, exact: ExactVerdict, warn_margin: float, silent_for: float | None
 ) -> tuple[Level, str]:
     finding, margin = assessment.finding, assessment.margin
-    reason = reason_text(finding)
     text = finding.status.value + (f": {reason}" if reason else "")
     if silent_for is not None:
         if math.isinf(silent_for):

@@ -10,8 +10,6 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any, TypeVar
 
-import numpy as np
-
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.model._validation import require_not_negative, require_positive
 from stickslip_ros.model.conditions import OperatingConditions
@@ -19,7 +17,6 @@ from stickslip_ros.model.friction import FRICTION_PARAMETERS, PRESLIDING_PARAMET
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, by_field, limits_from
 from stickslip_ros.monitoring.advice.recommendation import Kind
 from stickslip_ros.monitoring.assessment import MonitorOptions
-from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.settings.known_joints import KnownJoint, load_joint
 from stickslip_ros.settings.parameter_table import GAINS, RECOMMENDED
 
@@ -78,14 +75,6 @@ class JointSettings:
     def to_si(self, gains: Gains) -> Gains:
         """Gains of the controller in SI units."""
         return _scaled(gains, self.gain_scale)
-
-    def samples_to_si(self, rows: FloatArray) -> FloatArray:
-        """Rows of time, position, velocity and effort, shape (n, 4), with the effort in N·m; they are not changed."""
-        if self.effort_scale == 1.0:
-            return rows
-        # What is too large for a number is infinite, and is left out as such.
-        with np.errstate(over="ignore"):
-            return np.asarray(rows * (1.0, 1.0, 1.0, self.effort_scale))
 
     def from_si(self, gains: Gains) -> Gains:
         """Gains in the controller's units."""

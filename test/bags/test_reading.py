@@ -24,8 +24,7 @@ from support_bags import JOINT_STATE, STORE, joint_state, messages_of, read_join
 
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.bags.topics import TopicChoice
-from stickslip_ros.messages.blocks import Block
-from stickslip_ros.messages.joint_states import JointStateDecoder
+from stickslip_ros.messages.joint_states import Block, JointStateDecoder
 from stickslip_ros.monitoring.samples import Batch
 
 CONTROLLER_STATE = "control_msgs/msg/JointTrajectoryControllerState"

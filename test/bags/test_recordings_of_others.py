@@ -17,7 +17,7 @@ import pytest
 from support_bags import JOINT_STATE, joint_state, read_joint, simulated_bag, write_mcap
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.messages.whole_turns import WholeTurns
+from stickslip_ros.messages.joint_states import WholeTurns
 
 pytestmark = pytest.mark.slow
 

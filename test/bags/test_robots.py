@@ -34,7 +34,7 @@ from stickslip_ros.bags.storage.bag import Bag
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.bags.topics import TopicChoice, find_robots
 from stickslip_ros.cli.main import main
-from stickslip_ros.messages.blocks import Channel
+from stickslip_ros.messages.joint_states import Channel
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.settings.parameter_file import Parameters
 

@@ -23,6 +23,7 @@ from stickslip_ros.model.friction import Friction, Gains, Joint, Transmission
 from stickslip_ros.model.joint_simulation import simulate
 from stickslip_ros.model.margin import stability_margin
 from stickslip_ros.model.verdict import Detail, verdict
+from stickslip_ros.monitoring.advice.adviser import CachingAdviser
 from stickslip_ros.monitoring.advice.limits import (
     AdviceLimits,
     Criterion,
@@ -33,8 +34,8 @@ from stickslip_ros.monitoring.advice.limits import (
 )
 from stickslip_ros.monitoring.advice.recommend import recommend
 from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation
+from stickslip_ros.monitoring.assessment import MarginPrediction
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
-from stickslip_ros.monitoring.margin_prediction import MarginPrediction
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.monitoring.uncertainty import Uncertainty
 
@@ -344,7 +345,7 @@ def test_given_advice_stands_until_it_is_clearly_worse(puma: Joint, condition: C
 
 def test_the_monitor_keeps_its_advice(puma: Joint) -> None:
     """Issue 36: live, where the friction believed in moves by a few per cent; other gains make it anew."""
-    prediction, limits = MarginPrediction(), AdviceLimits()
+    prediction, limits = MarginPrediction(CachingAdviser()), AdviceLimits()
 
     def advised(stribeck: float, stiffness: float) -> Gains:
         joint = replace(puma, friction=replace(puma.friction, stribeck=stribeck * float(puma.friction.stribeck)))

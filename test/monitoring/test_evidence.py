@@ -16,9 +16,8 @@ from hypothesis import strategies as st
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.model.joint_simulation import EventKind, simulate
 from stickslip_ros.monitoring.assessment import MonitorOptions
-from stickslip_ros.monitoring.detection.cycles import Cycle
+from stickslip_ros.monitoring.detection.cycles import Cycle, Motion, SpringEvidence
 from stickslip_ros.monitoring.detection.slip_shape import SlipShape, slip_shape
-from stickslip_ros.monitoring.detection.spring_evidence import Motion, SpringEvidence
 from stickslip_ros.monitoring.detection.status import Status, StopsAndGoes
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch, FloatArray

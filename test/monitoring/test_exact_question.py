@@ -9,8 +9,8 @@ import math
 import pytest
 
 from stickslip_ros.model.verdict import ExactVerdict
+from stickslip_ros.monitoring.assessment import as_seen
 from stickslip_ros.monitoring.detection.status import Status
-from stickslip_ros.monitoring.exact_question import as_seen
 
 
 @pytest.mark.parametrize(

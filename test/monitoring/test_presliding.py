@@ -24,12 +24,12 @@ def _rests(joint: Creeping, counts: float, velocity: NDArray[np.float64], pieces
     count = joint.slip / counts
     position = count * np.round(joint.position / count + 0.37)
     detector = RestDetector()
-    return [
-        rest
-        for part in np.array_split(np.arange(len(joint.time)), pieces)
-        for rest in detector.feed(Batch(time=joint.time[part], position=position[part], velocity=velocity[part]))
-        if rest.complete and rest.direction_before
-    ]
+    found: list[Rest] = []
+    for part in np.array_split(np.arange(len(joint.time)), pieces):
+        batch = Batch(time=joint.time[part], position=position[part], velocity=velocity[part])
+        rests = (detector.rest_at(complete=True) for _ in detector.motion.follow(batch))
+        found += [rest for rest in rests if rest is not None and rest.direction_before]
+    return found
 
 
 # Largest standard deviation, in natural periods. Before: 0.15, 0.13, 0.006 (0.055 too early); 0.11, of 6 among 41

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stickslip_ros.monitoring.reference_pairing import ReferencePairing
+from stickslip_ros.monitoring.samples import ReferencePairing
 
 
 @given(st.integers(1, 7), st.integers(0, 30), st.randoms(use_true_random=False))

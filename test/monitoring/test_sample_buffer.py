@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stickslip_ros.monitoring.sample_buffer import MOST_BYTES, SampleBuffer
-from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.monitoring.samples import MOST_BYTES, Batch, SampleBuffer
 
 
 @given(

@@ -30,7 +30,7 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
 from stickslip_ros.cli.monitor_client import margins_of, values_of
-from stickslip_ros.messages.content import seconds
+from stickslip_ros.messages.joint_states import seconds
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.joint_simulation import simulate
 from stickslip_ros.monitoring.samples import Batch

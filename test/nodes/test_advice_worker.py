@@ -12,11 +12,11 @@ import pytest
 from conftest import LIMIT
 
 from stickslip_ros.model.friction import Gains, Joint
-from stickslip_ros.monitoring.advice.adviser import Advice, AdviceQuestion
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, ObservedLoop
-from stickslip_ros.nodes.worker import questions
-from stickslip_ros.nodes.worker.process import SlowWork
-from stickslip_ros.nodes.worker.questions import AdviceWorker
+from stickslip_ros.monitoring.advice.recommendation import Advice
+from stickslip_ros.monitoring.assessment import AdviceQuestion
+from stickslip_ros.nodes import slow_work
+from stickslip_ros.nodes.slow_work import AdviceWorker, SlowWork
 
 pytestmark = pytest.mark.slow
 
@@ -45,7 +45,7 @@ def test_a_speed_that_scatters_is_asked_about_once_a_minute(
 ) -> None:
     """Issue 21: the mean speed of a few slips differed by 1 to 2 % each time, and took 8 to 30 % of a core."""
     clock = [1000.0]
-    monkeypatch.setattr(questions, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(slow_work, "monotonic", lambda: clock[0])
     submit = AdviceWorker(work).adviser("joint1")
 
     # By Eq. (43) an answer takes ten milliseconds.

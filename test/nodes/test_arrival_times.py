@@ -13,7 +13,7 @@ from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 
 from stickslip_ros.nodes.conversion import stamp
-from stickslip_ros.nodes.intake.drain import ArrivalTimes
+from stickslip_ros.nodes.intake.arrivals import ArrivalTimes
 
 TWO = [{"received_timestamp": 5_000_000_000}, {"received_timestamp": 6_000_000_000}]
 

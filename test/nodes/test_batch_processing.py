@@ -10,8 +10,8 @@ from rclpy.logging import get_logger
 
 from stickslip_ros.monitoring.assessment import MonitorOptions
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
-from stickslip_ros.nodes.joints.scheduling import BatchProcessing
-from stickslip_ros.nodes.joints.watched_joints import GainBounds, WatchedJoint
+from stickslip_ros.monitoring.samples import ReferencePairing
+from stickslip_ros.nodes.joints.watched_joints import BatchProcessing, GainBounds, WatchedJoint
 from stickslip_ros.settings.parameters import JointSettings
 
 RATE, TICK, COUNT = 200.0, 0.04, 1e-5  # [Hz], [s], [rad]
@@ -21,9 +21,11 @@ JOINTS = [f"joint{number + 1}" for number in range(100)]
 
 def test_efforts_in_other_units() -> None:
     """Efforts in amperes become torques; time, position and velocity stay as they are, and so do the given rows."""
-    settings = JointSettings(joint=None, gains=None, options=MonitorOptions(), gain_scale=1.0, effort_scale=50.0)
-    rows = np.array([[1.0, 2.0, 3.0, 4.0]])
-    assert settings.samples_to_si(rows).tolist() == [[1.0, 2.0, 3.0, 200.0]]
+    pairing, rows = ReferencePairing(), np.array([[1.0, 2.0, 3.0, 4.0]])
+    pairing.add_samples(rows, effort_scale=50.0)
+    batch = pairing.next_batch(all_of_them=True)
+    assert batch is not None
+    assert [batch.time[0], batch.position[0], batch.velocity[0], batch.effort[0]] == [1.0, 2.0, 3.0, 200.0]
     assert rows.tolist() == [[1.0, 2.0, 3.0, 4.0]]
 
 

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from trajectory_msgs.msg import JointTrajectoryPoint
 
-from stickslip_ros.messages.content import MessageError, gains_from_message, reference_rows, seconds
+from stickslip_ros.messages.joint_states import MessageError, gains_from_message, reference_rows, seconds
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.nodes.conversion import stamp, table
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 
-from stickslip_ros.nodes.conversion import diagnostic_array_bytes, status_bytes
+from stickslip_ros.nodes.publications import diagnostic_array_bytes, status_bytes
 from stickslip_ros.output.diagnosis import Diagnosis, Level
 
 TEXTS = st.text(st.characters(exclude_characters="\x00", exclude_categories=("Cs",)), max_size=9)

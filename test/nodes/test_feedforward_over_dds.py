@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 from support_ros import Probe, probe
 
 from stickslip_ros.errors import InvalidParameterError
-from stickslip_ros.messages.content import seconds
+from stickslip_ros.messages.joint_states import seconds
 from stickslip_ros.model.friction import Friction
 from stickslip_ros.nodes.friction_feedforward import feedforward
 from stickslip_ros.settings.parameters import Feedforward

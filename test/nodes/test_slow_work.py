@@ -14,13 +14,13 @@ from pathlib import Path
 import pytest
 from conftest import LIMIT
 
-from stickslip_ros.nodes.worker.process import SlowWork
+from stickslip_ros.nodes.slow_work import SlowWork
 
 # More than a pipe holds: it is still being written when the process is killed.
 _LARGE = 20_000_000
 
 _ENDS_MEANWHILE = f"""
-from stickslip_ros.nodes.worker.process import SlowWork
+from stickslip_ros.nodes.slow_work import SlowWork
 
 if __name__ == "__main__":
     work = SlowWork(print)

@@ -11,7 +11,7 @@ import pytest
 from conftest import LIMIT
 from rclpy.waitable import Waitable
 
-from stickslip_ros.nodes.intake.drain import FirstMessage
+from stickslip_ros.nodes.intake.arrivals import FirstMessage
 
 _IN_A_CALLBACK = """
 import os, signal

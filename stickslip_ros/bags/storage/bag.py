@@ -22,8 +22,7 @@ from stickslip_ros.bags.storage.unpacking import Allowance, UnpackLimit
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.bags.table_files import SUFFIXES as TABLES
 from stickslip_ros.errors import needs, optional_packages, reason
-from stickslip_ros.messages.blocks import Block, Channel, Storage, blocks_of
-from stickslip_ros.messages.content import MessageError
+from stickslip_ros.messages.joint_states import Block, Channel, MessageError, Storage, blocks_of
 from stickslip_ros.regular_files import read_yaml
 
 _ANY = " or ".join((", ".join(one.suffix for one in FORMATS[:-1]), FORMATS[-1].suffix))

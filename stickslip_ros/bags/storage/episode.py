@@ -11,14 +11,14 @@ from pathlib import Path
 from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table import load_table
 from stickslip_ros.bags.writing import joint_state_streams
-from stickslip_ros.messages.blocks import Block, Channel, Warn, blocks_of
 from stickslip_ros.messages.joint_states import TYPE as JOINT_STATE
+from stickslip_ros.messages.joint_states import Block, Channel, Warn, blocks_of
 
 _FIRST_STAMP = 1.0  # [s] of a recording whose times begin at zero: a stamp of zero means that there is none
 
 
 class EpisodeStorage:
-    """One episode of a LeRobot data set; see :class:`~stickslip_ros.messages.blocks.Storage`.
+    """One episode of a LeRobot data set; see :class:`~stickslip_ros.messages.joint_states.Storage`.
 
     Parameters
     ----------
@@ -39,11 +39,11 @@ class EpisodeStorage:
         self._messages = {Channel(topic=topic, type=JOINT_STATE): list(stream) for topic, stream in streams.items()}
 
     def channels(self) -> dict[Channel, int]:
-        """See :class:`~stickslip_ros.messages.blocks.Storage`."""
+        """See :class:`~stickslip_ros.messages.joint_states.Storage`."""
         return {channel: len(messages) for channel, messages in self._messages.items()}
 
     def blocks(self, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
-        """See :class:`~stickslip_ros.messages.blocks.Storage`."""
+        """See :class:`~stickslip_ros.messages.joint_states.Storage`."""
         chosen = [channel for channel in self._messages if channel in wanted]
         numbers = {channel.topic: number for number, channel in enumerate(chosen)}
         merged = heapq.merge(*(self._messages[channel] for channel in chosen), key=lambda one: one[0])

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from stickslip_ros.bags.lerobot import episode_of, files_of_episode
 from stickslip_ros.bags.storage.bag_file import BagFile
-from stickslip_ros.messages.blocks import Storage, Warn
+from stickslip_ros.messages.joint_states import Storage, Warn
 
 METADATA = "metadata.yaml"
 _PACKED = ".zstd"  # on top of a format's own suffix

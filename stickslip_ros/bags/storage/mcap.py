@@ -21,7 +21,7 @@ import numpy as np
 from stickslip_ros.bags.storage import _record_kernel as kernel
 from stickslip_ros.bags.storage.bag_file import BagFile
 from stickslip_ros.bags.storage.unpacking import OPTION, Allowance
-from stickslip_ros.messages.blocks import Block, Bytes, Channel, Integers, Warn, counts_by_channel
+from stickslip_ros.messages.joint_states import Block, Bytes, Channel, Integers, Warn, counts_by_channel
 
 MAGIC = b"\x89MCAP0\r\n"
 _FOOTER = 9 + 20
@@ -75,7 +75,7 @@ class McapStorage:
         self._unknown = 0
 
     def channels(self) -> dict[Channel, int]:
-        """See :class:`~stickslip_ros.messages.blocks.Storage`.
+        """See :class:`~stickslip_ros.messages.joint_states.Storage`.
 
         Raises
         ------
@@ -106,7 +106,7 @@ class McapStorage:
         return {**dict.fromkeys(self._channels.values(), 0), **counts}
 
     def blocks(self, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
-        """See :class:`~stickslip_ros.messages.blocks.Storage`."""
+        """See :class:`~stickslip_ros.messages.joint_states.Storage`."""
         self._unknown = 0
         yield from self._by_index(wanted, progress) if self._chunks else self._from_start(progress)
         if self._unknown:

@@ -9,11 +9,11 @@ from typing import Any
 
 from stickslip_ros.bags.storage.bag_file import BagFile
 from stickslip_ros.errors import reason
-from stickslip_ros.messages.blocks import Block, Channel, Warn, blocks_of, counts_by_channel, with_progress
+from stickslip_ros.messages.joint_states import Block, Channel, Warn, blocks_of, counts_by_channel, with_progress
 
 
 class Ros1Storage:
-    """One .bag file; see :class:`~stickslip_ros.messages.blocks.Storage`.
+    """One .bag file; see :class:`~stickslip_ros.messages.joint_states.Storage`.
 
     Parameters
     ----------
@@ -47,14 +47,14 @@ class Ros1Storage:
         }
 
     def channels(self) -> dict[Channel, int]:
-        """See :class:`~stickslip_ros.messages.blocks.Storage`."""
+        """See :class:`~stickslip_ros.messages.joint_states.Storage`."""
         connections = self._reader.connections
         return counts_by_channel(
             {one.id: _channel(one) for one in connections}, {one.id: one.msgcount for one in connections}
         )
 
     def blocks(self, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
-        """See :class:`~stickslip_ros.messages.blocks.Storage`."""
+        """See :class:`~stickslip_ros.messages.joint_states.Storage`."""
         self._file.allowance.restart()
         chosen = [one for one in self._reader.connections if _channel(one) in wanted]
         channels = {one.id: _channel(one) for one in chosen}

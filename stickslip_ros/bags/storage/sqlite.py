@@ -15,7 +15,7 @@ from typing import Any
 from urllib.parse import quote
 
 from stickslip_ros.bags.storage.bag_file import BagFile
-from stickslip_ros.messages.blocks import Block, Channel, Warn, blocks_of, counts_by_channel, with_progress
+from stickslip_ros.messages.joint_states import Block, Channel, Warn, blocks_of, counts_by_channel, with_progress
 
 _ENCODINGS = ("ros2msg", "ros2idl")
 _COLUMNS = {"topics": ("id", "name", "type", "serialization_format"), "messages": ("topic_id", "timestamp", "data")}
@@ -38,7 +38,7 @@ class SqliteStorage:
         self._counts: dict[int, int] = {}
 
     def channels(self) -> dict[Channel, int]:
-        """See :class:`~stickslip_ros.messages.blocks.Storage`.
+        """See :class:`~stickslip_ros.messages.joint_states.Storage`.
 
         Raises
         ------
@@ -65,7 +65,7 @@ class SqliteStorage:
         return counts_by_channel(self._channels, self._counts)
 
     def blocks(self, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
-        """See :class:`~stickslip_ros.messages.blocks.Storage`."""
+        """See :class:`~stickslip_ros.messages.joint_states.Storage`."""
         numbers = {number: channel for number, channel in self._channels.items() if channel in wanted}
         total = sum(self._counts.get(number, 0) for number in numbers)
         if numbers:

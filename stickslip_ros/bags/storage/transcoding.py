@@ -14,8 +14,7 @@ import numpy as np
 
 from stickslip_ros.bags.decoding import types_of, types_of_ros
 from stickslip_ros.bags.topics import READ_TYPES
-from stickslip_ros.messages.blocks import Channel
-from stickslip_ros.messages.content import MessageError
+from stickslip_ros.messages.joint_states import Channel, MessageError
 
 Transcode = Callable[[bytes], bytes]
 _OTHER_NAMES = {"nanosec": "nsec"}  # as Foxglove has it

@@ -10,8 +10,9 @@ from enum import Enum
 
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.outcome import Outcome
-from stickslip_ros.monitoring.advice.limits import Criterion
+from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion
 from stickslip_ros.monitoring.advice.search import Obstruction
+from stickslip_ros.monitoring.advice.sensitivity import Sensitivity
 
 
 class Kind(str, Enum):
@@ -121,3 +122,28 @@ def without_gains(reason: str, velocity: float, condition: Criterion, *, gains_k
     """Advice that has no gains, of any kind, and why."""
     variants = tuple(Variant(kind=kind, stiffness=math.nan, damping=math.nan, reason=reason) for kind in Kind)
     return Recommendation(variants=variants, velocity=velocity, condition=condition, gains_known=gains_known)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Advice:
+    """The answer.
+
+    Attributes
+    ----------
+    recommendation : gains.
+    sensitivities : what lubricant and mechanics could do; empty where there is no margin.
+    lowest_smooth_velocity : with the present gains, by Eq. (43) [rad/s]; NaN if unknown.
+    """
+
+    recommendation: Recommendation
+    sensitivities: tuple[Sensitivity, ...]
+    lowest_smooth_velocity: float
+
+
+def no_advice(reason: str, velocity: float, limits: AdviceLimits, *, gains_known: bool) -> Advice:
+    """The answer where none can be given, and why."""
+    return Advice(
+        recommendation=without_gains(f"no advice: {reason}", velocity, limits.condition, gains_known=gains_known),
+        sensitivities=(),
+        lowest_smooth_velocity=math.nan,
+    )

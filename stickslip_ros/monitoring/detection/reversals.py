@@ -12,8 +12,7 @@ import numpy as np
 
 from stickslip_ros.model.reversal import Reversal, following_error
 from stickslip_ros.monitoring.detection.rests import Rest
-from stickslip_ros.monitoring.sample_buffer import SampleBuffer
-from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.monitoring.samples import Batch, SampleBuffer
 
 _KEPT = 200  # latest reversals whose medians are reported, 1
 _BEFORE = 1.0  # dwells, or seconds if that is more, before the arrest, in which the reference may have turned
@@ -47,10 +46,13 @@ class ReversalMeter:
     """Measures each reversal of a joint that follows a reference.
 
     A reversal is measured when the joint has turned, and turns again, or half a minute later; whether it stood in
-    between or not.
+    between or not. ``record`` : what was seen, None if there was no reversal. ``due`` : when :meth:`poll` has something
+    to do [s].
     """
 
     def __init__(self) -> None:
+        self.record: ReversalRecord | None = None
+        self.due = math.inf
         self._count = 0
         self._latest: deque[Reversal] = deque(maxlen=_KEPT)
         self._open: Rest | None = None
@@ -59,21 +61,21 @@ class ReversalMeter:
         self._stood: deque[float] = deque(maxlen=_TURNS)
         self._passing: tuple[float, float] | None = None
 
-    @property
-    def record(self) -> ReversalRecord | None:
-        """What was seen; None if there was no reversal."""
-        if not self._latest:
-            return None
+    def _add(self, found: Reversal | None) -> None:
+        if found is None:
+            return
+        self._count += 1
+        self._latest.append(found)
         numbers = np.array([(one.standing, one.lost_motion, one.peak_error) for one in self._latest])
         standing, lost_motion, peak_error = np.median(numbers, axis=0).tolist()
-        return ReversalRecord(
-            count=self._count, last=self._latest[-1], standing=standing, lost_motion=lost_motion,
+        self.record = ReversalRecord(
+            count=self._count, last=found, standing=standing, lost_motion=lost_motion,
             peak_error=peak_error, largest_error=float(numbers[:, 2].max()),
         )  # fmt: skip
 
     def forget(self) -> None:
         """Forget all that was seen."""
-        self._count = 0
+        self._count, self.record = 0, None
         self._latest.clear()
         self.break_off()
 
@@ -92,6 +94,7 @@ class ReversalMeter:
             return
         self._close(rest.arrest, samples)
         self._open, self._stops, self._settled = rest, 0, rest.breakaway
+        self.due = min(self.due, rest.breakaway + _LONGEST)
         self._stood.append(rest.breakaway)
 
     def turn(self, time: float, samples: SampleBuffer) -> None:
@@ -99,6 +102,7 @@ class ReversalMeter:
         before = self._passing[1] if self._passing is not None else -math.inf
         self._pass(time, samples)
         self._passing = before, time
+        self.due = min(self.due, time + _LONGEST)
 
     def poll(self, now: float, samples: SampleBuffer) -> None:
         """Measure a reversal that was so long ago that its samples would be forgotten."""
@@ -106,6 +110,9 @@ class ReversalMeter:
             self._close(now, samples)
         if self._passing is not None and now - self._passing[1] > _LONGEST:
             self._pass(now, samples)
+        opened = [] if self._open is None else [self._open.breakaway]
+        opened += [] if self._passing is None else [self._passing[1]]
+        self.due = min(opened, default=math.inf) + _LONGEST
 
     def finish(self, now: float, samples: SampleBuffer) -> None:
         """Measure what is open: no more samples come."""
@@ -120,10 +127,7 @@ class ReversalMeter:
         if any(before < stood <= time for stood in self._stood):
             return
         seen = samples.between(max(time - _LEAD, before), end)
-        found = None if seen is None else _passed(time, seen)
-        if found is not None:
-            self._count += 1
-            self._latest.append(found)
+        self._add(None if seen is None else _passed(time, seen))
 
     def _close(self, end: float, samples: SampleBuffer) -> None:
         rest, self._open = self._open, None
@@ -131,10 +135,7 @@ class ReversalMeter:
             return
         begin = rest.arrest - _BEFORE * max(rest.dwell, 1.0)
         seen = samples.between(begin, end)
-        found = None if seen is None else _measured(rest, seen, self._stops, self._settled)
-        if found is not None:
-            self._count += 1
-            self._latest.append(found)
+        self._add(None if seen is None else _measured(rest, seen, self._stops, self._settled))
 
 
 def _measured(rest: Rest, samples: Batch, stops: int, settled: float) -> Reversal | None:

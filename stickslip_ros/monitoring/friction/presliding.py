@@ -25,8 +25,7 @@ from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.detection.rests import Rest
 from stickslip_ros.monitoring.friction.estimate import IDENTIFIED, ParameterEstimate
 from stickslip_ros.monitoring.friction.yielding_contact import LEAST_RESTS
-from stickslip_ros.monitoring.sample_buffer import SampleBuffer
-from stickslip_ros.monitoring.samples import ROUNDING_STD, Batch, FloatArray, effort_is_measured
+from stickslip_ros.monitoring.samples import ROUNDING_STD, Batch, FloatArray, SampleBuffer, effort_is_measured
 
 _KEPT = 100  # latest rests that are kept, 1
 # Times at both ends of a dwell in which the joint swings to rest or speeds up, of the dwell.
@@ -80,18 +79,17 @@ class _Slopes:
 
 
 class PreslidingMeter:
-    """Learns σ₀ rest by rest, from the latest ones."""
+    """Learns σ₀ rest by rest, from the latest ones; ``estimate`` : what they say together, None of too few."""
 
     def __init__(self) -> None:
         self._rests: deque[_Slopes] = deque(maxlen=_KEPT)
         self._last: tuple[Rest, Gains | None] | None = None
-        self._estimate: PreslidingEstimate | None = None
-        self._new = False
+        self.estimate: PreslidingEstimate | None = None
 
     def forget(self) -> None:
         """Forget all that was seen."""
         self._rests.clear()
-        self._estimate, self._new = None, False
+        self.estimate = None
         self.break_off()
 
     def break_off(self) -> None:
@@ -116,14 +114,7 @@ class PreslidingMeter:
         found = _slopes(seen, before, in_force, resolution)
         if found is not None:
             self._rests.append(found)
-            self._new = True
-
-    @property
-    def estimate(self) -> PreslidingEstimate | None:
-        """What the rests say together; None of too few."""
-        if self._new:
-            self._estimate, self._new = _together(list(self._rests)), False
-        return self._estimate
+            self.estimate = _together(list(self._rests))
 
 
 def _slopes(seen: Batch, rest: Rest, gains: Gains | None, resolution: float) -> _Slopes | None:

@@ -22,7 +22,7 @@ from stickslip_ros.nodes.gains.gain_application import GainApplication, Outcome
 from stickslip_ros.nodes.gains.gain_intake import GainIntake
 from stickslip_ros.nodes.gains.motion_watch import MotionWatch
 from stickslip_ros.nodes.gains.ramp_journal import RampJournal, UnfinishedRamp
-from stickslip_ros.nodes.intake.drain import NeverExecuted
+from stickslip_ros.nodes.intake.arrivals import NeverExecuted
 from stickslip_ros.nodes.joints.watched_joints import WatchedJoint
 from stickslip_ros.nodes.other_monitors import OtherMonitors
 
