@@ -9,6 +9,8 @@ STAMP := $(VENV)/.installed
 WORKERS ?= 4
 # Compiled before them, once: each worker would else compile for itself whatever it finds first, two minutes of a core.
 WARM = $(BIN)/python -m stickslip_ros.cli.main warm-up >/dev/null
+# Each would also rewrite the assertions of all tests, ten seconds of a core; one does, and keeps them for the others.
+REWRITTEN = $(BIN)/python -m pytest --collect-only --quiet $(TESTS) >/dev/null
 SIDE_BY_SIDE = -n $(WORKERS) --dist loadfile --no-loadscope-reorder --junitxml=.test_times.xml
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
@@ -27,12 +29,14 @@ test: $(STAMP)
 
 tests: $(STAMP)
 	-@$(WARM)
+	-@$(REWRITTEN)
 	$(BIN)/python -m pytest $(SIDE_BY_SIDE) $(TESTS)
 
 # Also the seeds and cases that are marked nightly; CONTRIBUTING.md says which.
 nightly: check
 	@sh tools/install_test_packages.sh
 	-@$(WARM)
+	-@$(REWRITTEN)
 	FUZZ_EXAMPLES=300 $(BIN)/python -m pytest $(SIDE_BY_SIDE) --nightly $(TESTS)
 
 # For every save, in less than a minute: what starts no processes and is no long calculation. None of it waits.
@@ -42,6 +46,7 @@ quick: $(STAMP)
 quick_tests: WORKERS := auto
 quick_tests: $(STAMP)
 	-@$(WARM)
+	-@$(REWRITTEN)
 	$(BIN)/python -m pytest $(SIDE_BY_SIDE) --quick $(TESTS)
 
 check: $(STAMP)
