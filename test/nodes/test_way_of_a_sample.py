@@ -84,7 +84,9 @@ for index in range(BEFORE):
     send(index)
     if index % 10 == 0:
         spin(1)
-spin(100)  # studies and advice end
+while not any(one.key == "exact smooth" for one in statuses[-1].status[-1].values):
+    spin(1)
+spin(100)  # studies end
 for index in range(BEFORE, BEFORE + LAST):
     entered, before = {}, len(cycles)
     sys.setprofile(note)
