@@ -80,7 +80,7 @@ def finding(joint: JointAnalysis) -> str:
         text += (
             f"; for {share} of its moving time{f',{speed},' if speed else ''} its speed fell below a fifth of its mean"
         )
-    text += _unseen([joint]) if joint.worst is Status.SMOOTH else ""
+    text += _unseen([joint]) if joint.status is Status.SMOOTH and joint.worst is Status.SMOOTH else ""
     return f"{text}.{_in_the_end(joint)}{_stuck(joint)}"
 
 
