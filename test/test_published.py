@@ -85,7 +85,7 @@ def test_every_row_is_in_the_diagnostics(state: Assessment, monkeypatch: pytest.
 def test_every_row_is_in_the_json_and_the_fleets_table(state: Assessment, monkeypatch: pytest.MonkeyPatch) -> None:
     """Likewise in the JSON of an analysis, and in the columns of a fleet's table."""
     from stickslip_ros.analysis.analysis_json import joint_json
-    from stickslip_ros.analysis.fleet_table import rows_of
+    from stickslip_ros.analysis.fleet_joints import rows_of
     from stickslip_ros.analysis.joint_analysis import JointAnalysis
     from stickslip_ros.settings.parameter_file import Parameters
 

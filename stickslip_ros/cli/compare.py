@@ -26,11 +26,9 @@ from stickslip_ros.analysis.comparison import Comparison, JointComparison, compa
 from stickslip_ros.analysis.comparison_words import VERDICT_COLOURS, comparison_json, not_compared, rows, sentence
 from stickslip_ros.analysis.report.comparison_page import write_comparison_page
 from stickslip_ros.bags.table import RecordingError
-from stickslip_ros.cli.analysis_tables import COLOURS, status_text
 from stickslip_ros.cli.bag_options import GAINS_FORM, add_bag_arguments, analysis_options, check_named_joints
-from stickslip_ros.cli.options import add_json, add_option, add_repeated
-from stickslip_ros.cli.outputs import PAGE, refuse_inputs
-from stickslip_ros.cli.terminal import console_of_tables, print_warning, progress_bar
+from stickslip_ros.cli.options import PAGE, add_json, add_option, add_repeated, refuse_inputs
+from stickslip_ros.cli.terminal import COLOURS, console_of_tables, print_warning, progress_bar, status_text
 from stickslip_ros.output.as_json import json_text
 from stickslip_ros.visible import visible
 

@@ -17,7 +17,7 @@ from support_bags import KNOWN, WITHOUT_LEARNING, sticking
 from stickslip_ros.analysis import words
 from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
 from stickslip_ros.analysis.fleet import Answers, BagTask
-from stickslip_ros.analysis.fleet_table import stick_slip_share as share_of_rows
+from stickslip_ros.analysis.fleet_joints import stick_slip_share as share_of_rows
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.analysis.judgement import moving_time, overall_status, stick_slip_share, transient, worst_status
 from stickslip_ros.bags.simulated import RecordedJoint, write_simulation
