@@ -22,8 +22,15 @@ from rich.markup import escape
 from rich.table import Table
 
 from stickslip_ros.analysis.analysis import BagAnalysis, analyze
-from stickslip_ros.analysis.comparison import Comparison, JointComparison, compare
-from stickslip_ros.analysis.comparison_words import VERDICT_COLOURS, comparison_json, not_compared, rows, sentence
+from stickslip_ros.analysis.comparison import (
+    Comparison,
+    JointComparison,
+    compare,
+    comparison_json,
+    not_compared,
+    rows,
+    sentence,
+)
 from stickslip_ros.analysis.report.comparison_page import write_comparison_page
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.cli.bag_options import GAINS_FORM, add_bag_arguments, analysis_options, check_named_joints
@@ -93,7 +100,7 @@ def print_joints(console: Console, joints: Sequence[JointComparison]) -> None:
         console.print(_table(joint))
         for text in not_compared(joint):
             console.print(f"[dim]not compared: {escape(text)}[/]", soft_wrap=True)
-        colour = COLOURS.get(VERDICT_COLOURS.get(joint.verdict, ""), "bold")
+        colour = COLOURS.get(joint.verdict.like, "bold")
         console.print(f"[{colour}]{escape(visible(sentence(joint)))}[/]\n", soft_wrap=True)
 
 

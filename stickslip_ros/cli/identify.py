@@ -244,7 +244,7 @@ def _as_json(found: Identification) -> dict[str, Any]:
         "mismatch": slips.mismatch or None if slips else None,
         "per_inertia": found.per_inertia,
         "natural_frequency": number(frequency.value) if frequency else None,
-        "presliding": None if found.presliding is None else published.PRESLIDING.for_json(found.presliding),
+        "presliding": published.for_json(found.presliding, published.PRESLIDING),
         "sliding_speeds": [found.sliding.slowest, found.sliding.fastest] if found.sliding else None,
     }
 

@@ -47,7 +47,7 @@ from stickslip_ros.output.published import published_joint
 from stickslip_ros.output.stability_map import MapSubject, map_of
 from stickslip_ros.output.wording import OUTCOME_TEXTS, counted, status_words
 from stickslip_ros.parent_death import die_with_parent
-from stickslip_ros.visible import visible
+from stickslip_ros.visible import full_name
 
 _HERE = "127.0.0.1"
 _PAGE = """{% extends base %}
@@ -531,7 +531,7 @@ class LiveListener:
         for robot, motion in self._motions.items():
             for topic, kept in zip(motion, (self._samples, self._references), strict=True):
                 for name, rows in topic.samples_until(now).items():
-                    joint = visible(f"{robot}/{name}" if robot else name)
+                    joint = full_name(robot, name)
                     if joint in looked_at:
                         kept[joint] = _continued(kept.get(joint, _NONE), rows[:, :3])
 

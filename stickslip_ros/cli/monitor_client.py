@@ -27,7 +27,7 @@ from stickslip_ros.nodes.intake.refusals import Refusals
 from stickslip_ros.nodes.running import turn
 from stickslip_ros.output.diagnosis import Level
 from stickslip_ros.settings.parameter_names import MONITOR
-from stickslip_ros.visible import visible
+from stickslip_ros.visible import full_name, visible
 
 _LONGEST_TURN = 0.05  # [s]
 _QUEUE = 5000  # messages of motion: some seconds of a fast joint
@@ -139,7 +139,7 @@ class WatchListener(MonitorClient):
     def _on_positions(self, robot: str, message: JointState) -> None:
         now = seconds(message.header.stamp)
         for name, position in zip(message.name, message.position, strict=False):
-            heard = self._joints.setdefault(visible(f"{robot}/{name}" if robot else name), _Heard())
+            heard = self._joints.setdefault(full_name(robot, name), _Heard())
             before = heard.history[-1][0] if heard.history else -math.inf
             if now < before - _SET_BACK:
                 heard.history.clear()

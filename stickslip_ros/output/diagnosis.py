@@ -324,11 +324,7 @@ def _summary(
 
 def cycle_diagnostic(name: str, cycle: Cycle) -> Diagnosis:
     """One completed cycle."""
-    values = [
-        *published.CYCLE_BEGINS.for_diagnostics(cycle),
-        *published.CYCLE_SIZE.for_diagnostics(cycle),
-        *published.CYCLE_PLACE.for_diagnostics(cycle),
-    ]
+    values = [row for section in published.OF_CYCLE for row in section.for_diagnostics(cycle)]
     message = f"slip of {cycle.slip_distance:.4g} rad after {cycle.dwell:.3g} s at rest"
     return _diagnosis(Level.WARN, name, message, values)
 
