@@ -22,8 +22,7 @@ from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.bags.topics import EVENTS_TYPE, TopicChoice, Topics, find_robots, find_topics, nearest_namespace
 from stickslip_ros.messages import joint_states
-from stickslip_ros.messages.gain_layouts import INTERFACES, why_not_taken
-from stickslip_ros.messages.gain_parameters import HeardGains, gain_value, joint_and_kind
+from stickslip_ros.messages.gain_parameters import INTERFACES, HeardGains, gain_value, joint_and_kind, why_not_taken
 from stickslip_ros.messages.joint_states import (
     WRAPS,
     Block,

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any
 
-from stickslip_ros.messages.gain_layouts import LAYOUT, gains_elsewhere
+from stickslip_ros.messages.gain_parameters import LAYOUT, gains_elsewhere
 from stickslip_ros.settings.parameter_table import COMMON, OF_THE_NODE, PER_JOINT, RECOMMENDED
 
 MONITOR = "stickslip_monitor"

@@ -13,7 +13,7 @@ from pathlib import Path
 from rclpy.node import Node
 
 from stickslip_ros.errors import reason
-from stickslip_ros.messages.gain_layouts import gains_elsewhere
+from stickslip_ros.messages.gain_parameters import gains_elsewhere
 from stickslip_ros.messages.joint_states import TYPE
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.nodes.gains.gain_intake import PD_GAINS, GainIntake
