@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import get_args
 
@@ -45,6 +46,7 @@ SENTENCES: list[tuple[Reason | None, str]] = [
     (TooShort(moving=0.5, needed=2.345), "only 0.50 s of motion, 2.35 s are needed"),
     (StopsAndGoes(), "stops and goes; publish the reference to tell commanded stops from sticking"),
     (TooCoarse(counts=4.2), "the encoder is too coarse: 4 counts a slip"),
+    (TooCoarse(counts=math.nan), "the encoder is too coarse: too few counts a slip"),
     (TooFewCounts(), "the joint has moved by too few counts of its encoder"),
     (SampledTooSlowly(rate=5.0, needed=20.0), "sampled too slowly: 5 Hz; at least 20 Hz are needed"),
     (SpeedFalls(share=0.126), "the speed fell to 13 % of its mean a short time ago"),

@@ -27,6 +27,7 @@ from stickslip_ros.output.wording import reason_text
 from stickslip_ros.settings.parameter_file import Parameters
 from stickslip_ros.settings.parameters import JointSettings
 
+OTHERWISE = "it moves too little, or reverses too often"
 _BUCKETS = 2000  # of an outline, up to twice as many while it is made
 _CYCLES_KEPT = 5
 _CYCLES_SHOWN, _AFTER = 3.0, 1.0  # periods before and after the end of the one that is drawn
@@ -216,6 +217,8 @@ def _reason(status: Status, assessment: Assessment, usual: Reason | None, proble
         finding = Finding(status=status, reason=SpeedFalls(share=DIP_AGAIN, at_most=True))
     applies = status is finding.status and not (problems and isinstance(finding.reason, NoSamples))
     texts = [reason_text(finding)] if applies else []
+    if status is Status.NOT_JUDGED and not any(texts):
+        texts = [OTHERWISE]
     # What is wrong with the data of a joint that was judged is a warning, no reason.
     return "; ".join(filter(None, [*texts, *(problems if status in NOT_JUDGED else ())]))
 

@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from stickslip_ros.analysis.joint_analysis import JointAnalysis, sticking_speed
+from stickslip_ros.analysis.joint_analysis import OTHERWISE, JointAnalysis, sticking_speed
 from stickslip_ros.analysis.judgement import NOT_JUDGED, lacks_data
 from stickslip_ros.bags.topics import Topics
 from stickslip_ros.model.friction import Gains
@@ -28,7 +28,6 @@ _WHOLE_PERCENTS = 0.1  # a share from which on whole percents are enough
 _MOST_NAMED = 5  # joints
 _SLOW_SHARE = 0.1  # share of the time of stick-slip, 1: what is shorter may be a start
 _SLOWER = 0.8  # speed, of that of the advice: gains with the wanted reserve are enough to it
-_OTHERWISE = "it moves too little, or reverses too often"
 _MATTERS = (Status.STICK_SLIP, Status.AT_RISK)
 
 
@@ -57,7 +56,7 @@ def nothing_judged(found: Mapping[str, Any]) -> str:
     joints: Mapping[str, Mapping[str, Any]] = found.get("joints", {})
     if not joints or any(Status(joint["worst_status"]) not in NOT_JUDGED for joint in joints.values()):
         return ""
-    texts = [f"{name}: {joint['reason'] or _OTHERWISE}" for name, joint in joints.items()]
+    texts = [f"{name}: {joint['reason'] or OTHERWISE}" for name, joint in joints.items()]
     more = [f"and {len(texts) - _MOST_NAMED} more joints"] if len(texts) > _MOST_NAMED else []
     return f"bag {found['path']}: no joint could be judged: {'; '.join([*texts[:_MOST_NAMED], *more])}"
 
@@ -71,7 +70,7 @@ def finding(joint: JointAnalysis) -> str:
         Status.AT_RISK: f"{joint.name} moves without stopping{speed}, but unevenly",
         Status.SMOOTH: f"{joint.name} moves smoothly{'' if matters(joint) else speed}",
         Status.AT_REST: f"{joint.name} is at rest",
-        Status.NOT_JUDGED: f"{joint.name} {'is not judged' if joint.reason else f'is not judged: {_OTHERWISE}'}",
+        Status.NOT_JUDGED: f"{joint.name} is not judged",
         Status.UNKNOWN: f"{joint.name} cannot be judged",
     }
     text = usual[Status.UNKNOWN if lacks_data(joint.status, joint.assessment) else joint.status]

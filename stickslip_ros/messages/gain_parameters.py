@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Gains in the parameters of controllers, `gains.<joint>.p/.i/.d`: their names, their values, how they add up; and those
-that are not taken: under other names, or of a controller that commands no effort.
+"""Gains in the parameters of controllers, `gains.<joint>.p/.i/.d`: their names, their values, how they add up; and
+those that are not taken: under other names, or of a controller that commands no effort.
 """
 
 from __future__ import annotations

@@ -174,7 +174,7 @@ def reason_text(finding: Finding) -> str:
         case reasons.StopsAndGoes():
             return "stops and goes; publish the reference to tell commanded stops from sticking"
         case reasons.TooCoarse(counts=counts):
-            return f"the encoder is too coarse: {counts:.0f} counts a slip"
+            return f"the encoder is too coarse: {f'{counts:.0f}' if math.isfinite(counts) else 'too few'} counts a slip"
         case reasons.TooFewCounts():
             return "the joint has moved by too few counts of its encoder"
         case reasons.SampledTooSlowly(rate=rate, needed=needed):

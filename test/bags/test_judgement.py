@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from support_bags import KNOWN, WITHOUT_LEARNING, sticking
+from support_bags import JOINT_STATE, KNOWN, WITHOUT_LEARNING, joint_state, sticking, write_mcap
 
 from stickslip_ros.analysis import words
 from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
@@ -179,6 +179,23 @@ def test_joints_of_one_status(joints: dict[str, JointAnalysis]) -> None:
         words.smooth([replace(joints["smooth"], worst=SMOOTH), joints["sticking"]])
         == "smooth: smooth, nothing has to be done; slips of less than 375 µrad may go unseen."
     )
+
+
+def test_a_joint_that_is_pushed_now_and_then_has_a_reason(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each of its motions is too short to be judged: that is said, and what is odd about its data is not the reason."""
+    messages = []
+    for number in range(3000):
+        time, push = 0.01 * number, divmod(number, 100)
+        position = 0.3 * (push[0] + min(push[1] / 35.0, 1.0))
+        # The velocity in degrees: a warning, which says nothing of the motion.
+        speed = 49.0 if push[1] < 35 else 0.0
+        messages.append(
+            ("/joint_states", JOINT_STATE, time, joint_state(time, ["a"], position=[position], velocity=[speed]))
+        )
+        messages.append(("/joint_references", JOINT_STATE, time, joint_state(time, ["a"], position=[0.0])))
+    write_mcap(tmp_path / "a.mcap", messages)
+    main(["analyze", str(tmp_path / "a.mcap"), "--no-learning"])
+    assert "not judged, it moves too little, or reverses too often" in capsys.readouterr().out
 
 
 def test_advice_for_one_of_two_speeds_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -74,6 +74,18 @@ def test_sine_is_not_judged_for_reversing() -> None:
     assert reason_text(monitor.finding()) == "reversing"
 
 
+@pytest.mark.parametrize("frequency", [0.05, 0.1, 0.25])
+@pytest.mark.parametrize("step", [1e-9, 1e-5])
+def test_a_slow_sine_is_smooth_between_its_turns(frequency: float, step: float) -> None:
+    """Its speed rises from nothing at each turn, as it does from a rest: that is no dip."""
+    time = 1e-2 * np.arange(4000)
+    monitor = JointMonitor()
+    monitor.process(Batch(time=time, position=step * np.round(0.3 * np.sin(math.tau * frequency * time) / step)))
+    statuses = {segment.status for segment in monitor.segments}
+    assert Status.SMOOTH in statuses
+    assert statuses <= {Status.SMOOTH, Status.NOT_JUDGED, Status.AT_REST}
+
+
 def test_smooth_with_a_thin_margin_is_at_risk(puma: Joint) -> None:
     """Issue 2: smooth motion whose margin is thin is `at_risk`."""
     time = 1e-3 * np.arange(5000)

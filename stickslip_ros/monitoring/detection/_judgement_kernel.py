@@ -109,7 +109,7 @@ _BANDS_OF_A_SPEED = 10.0  # way that a speed is measured over, bands: a band mor
 _BRIEFEST = 0.02  # duration of a dip, of the motion that is judged: less than half a cycle of the fastest stick-slip
 _AGAIN = 5  # dips in the motion that is judged, 1: faster than a person moves, or most joints ring when they set off
 LEAST_READINGS = 20.0  # readings in the motion that is judged, 1: stick-slip has up to 10 cycles a second
-_START = 0.25  # start from rest, of the motion needed: it is no dip
+_START = 0.25  # start from rest or from a turn, of the motion needed: it is no dip
 _WINDOW_CROSSINGS = 6  # crossings in half of the motion that is searched for dips, 1: at least
 _STEPPED = 24  # crossings that show whether a joint steps, 1
 _GAPS_OF_A_STEP = 4  # bands of a slip, 1: with fewer it is too short to be seen as one
@@ -402,7 +402,7 @@ def judge(rest, motion, detector, remembers):
         return FEW_COUNTS, 0.0, 0.0
     if not motion.interval * LEAST_READINGS <= motion.window:
         return FEW_READINGS, 1.0 / motion.interval, LEAST_READINGS / motion.window
-    since = max(now - needed, began + _START * needed)
+    since = max(now - needed, max(motion.turned, began) + _START * needed)
     dip, dips = slowest_share(since, detector)
     code, number = MOVES, dip
     if dips >= _AGAIN and dip >= _DIP:
