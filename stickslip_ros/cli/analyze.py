@@ -140,12 +140,13 @@ def run(options: argparse.Namespace) -> int:
     for text in (*errors, *blind):
         complain(text)
     joints = fleet_joints(answers, options.alarm)
+    alarms = [{"robot": joint.robot, "joint": joint.name, "alarm": one} for joint in joints for one in joint.alarms]
     try:
         unwritten += _write(options, answers, analysis, joints, pages)
     finally:
         # Whatever becomes of the files, the answer is not lost.
         if options.json:
-            print(json_text({"bags": answers} | ({"alarms": _alarms_json(joints)} if options.alarm else {})))
+            print(json_text({"bags": answers} | ({"alarms": alarms} if options.alarm else {})))
         elif options.brief:
             _print_brief(answers)
         elif analysis is not None:
@@ -153,11 +154,11 @@ def run(options: argparse.Namespace) -> int:
         elif len(bags) > 1 or not errors:
             print_fleet(joints, answers)
         if not options.json:
-            _print_alarms(joints)
+            _print_alarms(alarms)
     for text in unwritten:
         complain(text)
     worst = [joint["worst_status"] for found in answers for joint in found.get("joints", {}).values()]
-    if (options.fail_on_stick_slip and "stick_slip" in worst) or any(joint.alarms for joint in joints):
+    if (options.fail_on_stick_slip and "stick_slip" in worst) or alarms:
         return 1
     return 2 if errors or blind or unwritten else 0
 
@@ -375,18 +376,12 @@ def _print_brief(answers: Sequence[Answer]) -> None:
         console_of_text().print(visible(f"{found['path']}: {_result(found)}"), markup=False)
 
 
-def _print_alarms(joints: Sequence[FleetJoint]) -> None:
+def _print_alarms(alarms: Sequence[Mapping[str, str]]) -> None:
     """A line for each alarm that is raised."""
     console = console_of_text()
-    for joint in joints:
-        for alarm in joint.alarms:
-            console.print("[red]alarm:[/] ", end="")
-            console.print(visible(f"{joint.robot} {joint.name}: {alarm}"), markup=False)
-
-
-def _alarms_json(joints: Sequence[FleetJoint]) -> list[dict[str, str]]:
-    """Each alarm that is raised."""
-    return [{"robot": joint.robot, "joint": joint.name, "alarm": alarm} for joint in joints for alarm in joint.alarms]
+    for one in alarms:
+        console.print("[red]alarm:[/] ", end="")
+        console.print(visible(f"{one['robot']} {one['joint']}: {one['alarm']}"), markup=False)
 
 
 def _print_finished(found: TimedAnswer) -> None:

@@ -206,7 +206,7 @@ class LivePage:
         self._slide()
 
     def _show_motion(self, name: str, now: Snapshot, numbers: Mapping[str, float]) -> None:
-        samples, references = now.samples.get(name, np.zeros((0, 3))), now.references.get(name, np.zeros((0, 3)))
+        samples, references = now.samples.get(name, _NONE), now.references.get(name, _NONE)
         if not len(samples):
             self._motion.data = {key: [] for key in self._motion.data}
             self._loop.data = {key: [] for key in self._loop.data}

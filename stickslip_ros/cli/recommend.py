@@ -215,22 +215,6 @@ def _refuse(options: argparse.Namespace, joint: Joint, *, factors: bool) -> None
         )
 
 
-def _compensation(
-    options: argparse.Namespace, known: KnownJoint, advice: Recommendation, conditions: OperatingConditions
-) -> _CompensationTable:
-    """With the advised gains, or the present ones where there are none."""
-    if not advice.velocity > 0:
-        raise InvalidParameterError("--velocity", "> 0 for a table of compensation", advice.velocity)
-    variant = advice[Kind.LEAST_CHANGE]
-    used = variant.gains if variant.found else known.gains
-    kinds = compensations(
-        known.joint, used, conditions,
-        resolution=known.encoder_resolution,
-        speed_filter=USUAL_FILTER if options.speed_filter is None else options.speed_filter,
-    )  # fmt: skip
-    return _compensation_table(known.joint, used, advice.velocity, conditions, kinds)
-
-
 def _limits(options: argparse.Namespace) -> AdviceLimits:
     return AdviceLimits(
         wanted_margin=options.wanted_reserve,
@@ -388,13 +372,23 @@ class _CompensationTable:
         }
 
 
-def _compensation_table(
-    joint: Joint, gains: Gains, velocity: float, conditions: OperatingConditions, kinds: Mapping[str, At]
+def _compensation(
+    options: argparse.Namespace, known: KnownJoint, advice: Recommendation, conditions: OperatingConditions
 ) -> _CompensationTable:
-    """Every kind at every share, the kinds beside each other: the integration holds no lock of Python's.
+    """Every kind at every share with the advised gains, or with the present ones where there are none; the kinds beside
+    each other: the integration holds no lock of Python's.
 
     Ten seconds on two cores; half a minute of a soft joint that moves slowly.
     """
+    joint, velocity, variant = known.joint, advice.velocity, advice[Kind.LEAST_CHANGE]
+    if not velocity > 0:
+        raise InvalidParameterError("--velocity", "> 0 for a table of compensation", velocity)
+    gains = variant.gains if variant.found else known.gains
+    kinds = compensations(
+        joint, gains, conditions,
+        resolution=known.encoder_resolution,
+        speed_filter=USUAL_FILTER if options.speed_filter is None else options.speed_filter,
+    )  # fmt: skip
     without = compensation_effect(joint, gains, velocity, conditions)
 
     def effects(at: At) -> dict[float, CompensationEffect]:
