@@ -73,6 +73,7 @@ def joint_json(joint: JointAnalysis) -> dict[str, Any]:
         "worst_status": joint.worst.value,
         **numbers(joint, "stick_slip_share", "moving_time"),
         "reason": joint.reason,
+        "stuck": None if joint.stuck is None else asdict(joint.stuck),
         "time_in": {status.value: number(joint.time_in(status)) for status in Status},
         **published.VELOCITY.for_json(joint.velocity),
         "segments": [

@@ -19,7 +19,7 @@ from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment, ExactQuestion, as_seen
 from stickslip_ros.monitoring.detection._judgement_kernel import DIP_AGAIN
 from stickslip_ros.monitoring.detection.cycles import Cycle
-from stickslip_ros.monitoring.detection.status import Finding, NoSamples, Reason, Segment, SpeedFalls, Status
+from stickslip_ros.monitoring.detection.status import Finding, NoSamples, Reason, Segment, SpeedFalls, Status, Stuck
 from stickslip_ros.monitoring.friction.sliding import sliding_points
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch, FloatArray, ReferencePairing
@@ -46,7 +46,7 @@ class JointAnalysis:
         where stamps go backwards [s].
     problems : what is wrong with the data, a sentence each.
     status : what held for most of the time; worst : the most severe that occurred; `judgement.py` defines both.
-    reason : of the status, "" where it says it all.
+    reason : of the status, "" where it says it all. stuck : for how long it stood while its reference went on, or None.
     segments : stretches of one status; cycles : all that were found.
     transient : what the stick-slip was, if it died out after starting; None if not.
     velocity : at which margin and advice are worked out [rad/s], the usual one of the worst status; NaN if the joint
@@ -73,6 +73,7 @@ class JointAnalysis:
     traces: _JointTraces | None
     problems: tuple[str, ...] = ()
     exact_here: ExactVerdict | None = None
+    stuck: Stuck | None = None
 
     @property
     def duration(self) -> float:
@@ -169,6 +170,9 @@ class JointAnalyzer:
         """What has been found, after the last samples."""
         segments = tuple(self.monitor.segments)
         status, worst = judgement.overall_status(segments), judgement.worst_status(segments)
+        stuck, why = judgement.stuck(segments), self.monitor.why_not_judged()
+        if stuck is not None and stuck.duration > judgement.time_in(segments, Status.NOT_JUDGED):
+            why = stuck
         # Advice is for where it is wanted: at the speed at which it went worst.
         velocity = _judged_velocity(segments, worst, self.cycles)
         assessment = self.monitor.assessment(velocity)
@@ -193,7 +197,8 @@ class JointAnalyzer:
             end=end,
             status=status,
             worst=worst,
-            reason=_reason(status, assessment, self.monitor.why_not_judged(), problems),
+            reason=_reason(status, assessment, why, problems),
+            stuck=stuck,
             segments=segments,
             cycles=tuple(self.cycles),
             transient=judgement.transient(segments, self.cycles),
@@ -210,7 +215,7 @@ class JointAnalyzer:
 def _reason(status: Status, assessment: Assessment, usual: Reason | None, problems: Sequence[str]) -> str:
     """Why a recording has its status: as at its end, or as usual where most of it was not judged."""
     finding = assessment.finding
-    if status is Status.NOT_JUDGED and usual is not None:
+    if (status is Status.NOT_JUDGED and usual is not None) or (status is Status.AT_REST and isinstance(usual, Stuck)):
         finding = Finding(status=status, reason=usual)
     if status is Status.AT_RISK and not isinstance(finding.reason, SpeedFalls):
         # Of a recording only its motion makes that, whatever its end is like.

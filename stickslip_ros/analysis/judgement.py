@@ -8,7 +8,8 @@
 ``stick_slip``, ``at_risk`` and ``smooth`` the one of the longest time, of two of the same time the more severe. That
 time must be a fifth of the moving time: what an arm that stops and goes did in between says nothing of the whole. A
 joint of which less was judged is ``not_judged`` if it moved for half a second, else ``at_rest`` if it stood, else
-``unknown``.
+``unknown``. One that was smooth or at risk, and stuck for longer, is ``not_judged``, too.
+**Stuck** is a joint that stands for half a second or more while its reference goes on, but for where it turns round.
 **The worst status** is the most severe that occurred, by the order of ``SEVERITY``: stick-slip however short, since it
 takes cycles; any other if it lasted half a second without a break, or if nothing did.
 **A transient** is stick-slip that dies out: a joint that stuck a few times after starting, and moved smoothly from then
@@ -24,7 +25,7 @@ from dataclasses import dataclass
 
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.cycles import Cycle
-from stickslip_ros.monitoring.detection.status import Segment, Status, TooFewSamples
+from stickslip_ros.monitoring.detection.status import Segment, Status, Stuck, TooFewSamples
 
 # The most severe first.
 SEVERITY = (
@@ -72,6 +73,9 @@ def overall_status(segments: Sequence[Segment]) -> Status:
     times = {status: time_in(segments, status) for status in SEVERITY}
     # Of equal times max() takes the first, which is the more severe.
     most = max(JUDGED, key=times.__getitem__)
+    seen = stuck(segments)
+    if most is not Status.STICK_SLIP and seen is not None and seen.duration > times[most] > 0.0:
+        return Status.NOT_JUDGED
     if sum(times[status] for status in JUDGED) >= _LEAST_SHARE * moving_time(segments) > 0.0:
         return most
     if moving_time(segments) >= _LEAST_TIME:
@@ -80,6 +84,20 @@ def overall_status(segments: Sequence[Segment]) -> Status:
         if times[status] > 0.0:
             return status
     return segments[-1].status if segments else Status.UNKNOWN
+
+
+def stuck(segments: Sequence[Segment]) -> Stuck | None:
+    """How long the joint was stuck in all, see the module; None if it was not."""
+    stands = []
+    for number, one in enumerate(segments):
+        sides = [other.velocity for other in segments[max(number - 1, 0) : number + 2 : 2]] if number else []
+        turns = len(sides) == 2 and sides[0] * sides[1] < 0.0
+        time = min(one.stuck, one.end - one.start)
+        if one.status is Status.AT_REST and time >= _LEAST_TIME and not turns:
+            stands.append((time, one.travel))
+    if not stands:
+        return None
+    return Stuck(duration=sum(time for time, _ in stands), travel=sum(travel for _, travel in stands))
 
 
 def worst_status(segments: Sequence[Segment]) -> Status:

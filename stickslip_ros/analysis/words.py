@@ -13,12 +13,13 @@ from stickslip_ros.analysis.judgement import NOT_JUDGED, lacks_data
 from stickslip_ros.bags.topics import Topics
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.units import unit_of
-from stickslip_ros.monitoring.detection.status import Status
+from stickslip_ros.monitoring.detection.status import Finding, Status
 from stickslip_ros.output.wording import (
     angle_text,
     dry_friction_text,
     kept_gains_text,
     presliding_text,
+    reason_text,
     reversals_text,
     times_text,
 )
@@ -33,7 +34,7 @@ _MATTERS = (Status.STICK_SLIP, Status.AT_RISK)
 
 def matters(joint: JointAnalysis) -> bool:
     """Whether something may have to be done: whether the joint stuck or was at risk, however short."""
-    return joint.worst in _MATTERS
+    return joint.worst in _MATTERS or joint.stuck is not None
 
 
 def not_judged(joints: Sequence[JointAnalysis]) -> dict[str, list[str]]:
@@ -67,7 +68,7 @@ def finding(joint: JointAnalysis) -> str:
     if joint.worst is Status.STICK_SLIP:
         return f"{_sticking(joint, speed)}{_in_the_end(joint)}"
     usual = {
-        Status.AT_RISK: f"{joint.name} moves without stopping{speed}, but unevenly",
+        Status.AT_RISK: f"{joint.name} moves unevenly{speed}",
         Status.SMOOTH: f"{joint.name} moves smoothly{'' if matters(joint) else speed}",
         Status.AT_REST: f"{joint.name} is at rest",
         Status.NOT_JUDGED: f"{joint.name} is not judged",
@@ -81,7 +82,13 @@ def finding(joint: JointAnalysis) -> str:
             f"; for {share} of its moving time{f',{speed},' if speed else ''} its speed fell below a fifth of its mean"
         )
     text += _unseen([joint]) if joint.worst is Status.SMOOTH else ""
-    return f"{text}.{_in_the_end(joint)}"
+    return f"{text}.{_in_the_end(joint)}{_stuck(joint)}"
+
+
+def _stuck(joint: JointAnalysis) -> str:
+    """That it stood while its reference went on, where the reason of its status does not say it."""
+    text = reason_text(Finding(status=Status.AT_REST, reason=joint.stuck))
+    return f" It was {text}." if text and text not in joint.reason else ""
 
 
 def _sticking(joint: JointAnalysis, speed: str) -> str:

@@ -56,7 +56,6 @@ _NOW = 0.1  # span of the present velocity, s
 _REMEMBERED = 50.0  # age of a slip that is still learnt from, s
 _LONGEST_PART = 8.0  # span of samples followed at once, s: shorter than what the buffer holds beyond it
 _SEGMENTS_KEPT = 10_000  # segments that are kept, 1
-_TRAVELLED = 10.0  # way, bands: with more a reference has left a joint at rest behind
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -383,7 +382,7 @@ class JointMonitor:
             reason = TooFewSamples()
         elif code == judgement.STICKS:
             reason = Hunting() if any(cycle.hunting for cycle in self._recent) else None
-        elif code == judgement.AT_REST and second > _TRAVELLED * self._motion.band:
+        elif code == judgement.STUCK:
             reason = Stuck(duration=first, travel=second)
         elif code == judgement.REVERSING:
             record = self._reversals.record

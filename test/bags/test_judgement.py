@@ -19,11 +19,18 @@ from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
 from stickslip_ros.analysis.fleet import Answers, BagTask
 from stickslip_ros.analysis.fleet_joints import stick_slip_share as share_of_rows
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
-from stickslip_ros.analysis.judgement import moving_time, overall_status, stick_slip_share, transient, worst_status
+from stickslip_ros.analysis.judgement import (
+    moving_time,
+    overall_status,
+    stick_slip_share,
+    stuck,
+    transient,
+    worst_status,
+)
 from stickslip_ros.bags.simulated import RecordedJoint, write_simulation
 from stickslip_ros.cli.main import main
 from stickslip_ros.monitoring.detection.cycles import Cycle
-from stickslip_ros.monitoring.detection.status import Segment, Status
+from stickslip_ros.monitoring.detection.status import Segment, Status, Stuck
 from stickslip_ros.output.diagnosis import joint_diagnostic
 from stickslip_ros.settings.parameter_file import Parameters
 
@@ -77,6 +84,48 @@ def test_most_of_the_time_and_the_worst(parts: list[tuple[Status, float]], statu
     segments = stretches(*parts)
     assert overall_status(segments) is status
     assert worst_status(segments) is worst
+
+
+def test_stuck_is_who_stands_while_the_reference_goes_on() -> None:
+    """Smooth for a while and then stuck: no all-clear; a pause that is told, a start and a turn are nothing of it."""
+
+    def stands(stuck: float, before: float = 0.01, after: float = 0.01) -> list[Segment]:
+        parts = stretches((SMOOTH, 10.0), (REST, 8.0), (SMOOTH, 5.0))
+        return [
+            replace(parts[0], velocity=before),
+            replace(parts[1], velocity=0.0, stuck=stuck, travel=0.02 * stuck),
+            replace(parts[2], velocity=after),
+        ]
+
+    assert stuck(stands(0.0)) is None
+    assert stuck(stands(0.3)) is None
+    assert stuck(stands(8.0, after=-0.01)) is None
+    assert stuck(stands(8.0)) == Stuck(duration=8.0, travel=0.16)
+    assert overall_status(stands(8.0)) is SMOOTH
+    jammed = [*stands(8.0)[:2], replace(stands(8.0)[1], start=18.0, end=30.0, stuck=12.0)]
+    assert overall_status(jammed) is NOT_JUDGED
+
+
+@pytest.mark.parametrize("jam", [2.0, 20.0])
+def test_a_joint_that_is_jammed_is_told(jam: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It moves smoothly, then stands while its reference goes on: "smooth, nothing has to be done" was said of it."""
+    times = [0.01 * number for number in range(round(100.0 * (10.0 + jam)))]
+    messages = []
+    for time in times:
+        state = joint_state(time, ["a"], position=[1e-4 * round(max(300.0 * min(time, 10.0) - 13.0, 0.0))])
+        messages.append(("/joint_states", JOINT_STATE, time, state))
+        messages.append(("/joint_references", JOINT_STATE, time, joint_state(time, ["a"], position=[0.03 * time])))
+    path = tmp_path / "jammed.mcap"
+    write_mcap(path, messages)
+    assert main(["analyze", str(path), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["bags"][0]["joints"]["a"]
+    assert found["status"] == ("smooth" if jam < 10.0 else "not_judged")
+    assert found["stuck"]["duration"] == pytest.approx(jam, abs=0.4)
+    assert found["stuck"]["travel"] == pytest.approx(0.03 * jam, abs=0.02)
+    assert main(["analyze", str(path)]) == 0
+    said = capsys.readouterr().out
+    assert "othing has to be done" not in said
+    assert "stuck for " in said
 
 
 def test_the_share_is_of_moving_time() -> None:

@@ -65,6 +65,54 @@ def test_holding_is_at_rest_and_moving_on_says_stuck() -> None:
     assert "stuck" in reason_text(finding)
 
 
+def test_a_joint_that_stands_where_its_reference_has_stopped_is_not_stuck() -> None:
+    """It is some counts behind, as friction holds any joint."""
+    time = 1e-2 * np.arange(2000)
+    reference = 0.01 * np.minimum(time, 5.0)
+    position = 1e-4 * np.round(np.maximum(reference - 0.002, 0.0) / 1e-4)
+    monitor = JointMonitor()
+    monitor.process(Batch(time=time, position=position, reference_position=reference))
+    assert monitor.finding() == Finding(status=Status.AT_REST, reason=None)
+
+
+@pytest.mark.parametrize("rate", [400.0, 1000.0])
+@pytest.mark.parametrize("frequency", [5.0, 10.0])
+def test_steps_are_no_rest(rate: float, frequency: float) -> None:
+    """A stiff servo that is told where to be a few times a second stands most of the time, and moves."""
+    time = np.arange(0.0, 24.0, 1.0 / rate)
+    steps = 0.002 * np.floor(frequency * time)
+    position = 0.0
+    positions = []
+    for step in steps:
+        position += (step - position) * min(200.0 / rate, 1.0)
+        positions.append(position)
+    monitor = JointMonitor(segments_kept=None)
+    monitor.process(Batch(time=time, position=1e-4 * np.round(np.array(positions) / 1e-4)))
+    monitor.finish()
+    resting = sum(one.end - one.start for one in monitor.segments if one.status is Status.AT_REST)
+    assert resting < 0.85 * time[-1]
+    assert {one.status for one in monitor.segments} == {Status.AT_REST, Status.NOT_JUDGED}
+
+
+def test_a_few_counts_of_creep_are_not_smooth() -> None:
+    """A telescope creeps by three counts in ten seconds, and jumps by hundreds: smooth motion has counts enough."""
+    time = np.arange(0.0, 96.0, 0.02)
+    creep = 2e-6 * np.floor(0.3 * time)
+    position = creep + 1.4e-3 * np.floor(time / 19.0)
+    monitor = JointMonitor(segments_kept=None)
+    monitor.process(Batch(time=time, position=position))
+    monitor.finish()
+    assert Status.SMOOTH not in {one.status for one in monitor.segments}
+
+
+def test_twenty_readings_a_second_are_twenty() -> None:
+    """They were too few: the mean of intervals of 0.05 s is not exactly that."""
+    time = 0.05 * np.arange(400.0) + 1.7e9
+    monitor = JointMonitor()
+    monitor.process(Batch(time=time, position=1e-5 * np.round(0.1 * (time - time[0]) / 1e-5)))
+    assert monitor.finding().status is Status.SMOOTH
+
+
 def test_sine_is_not_judged_for_reversing() -> None:
     """Issue 2: motion that turns before it can be judged is `not_judged: reversing`."""
     time = 1e-3 * np.arange(20_000)

@@ -597,11 +597,13 @@ def test_a_reference_in_steps_does_not_excuse_a_speed_that_falls() -> None:
 
 def test_a_joint_that_stops_every_25_counts_is_not_smooth_in_between() -> None:
     """How deep a dip seems depends on where the counts fall: statuses changed to and fro, 12 s of 20 `smooth`."""
-    time, count = np.arange(0.0, 20.0, 0.002), 4e-4
-    noise = 0.3 * count * np.random.default_rng(3).standard_normal(len(time))
-    positions = rounded(0.02 * (time + 0.97 * np.sin(4.0 * math.pi * time) / (4.0 * math.pi)) + noise, count)
-    _, segments, _ = watch(Batch(time=time, position=positions))
-    assert spent(segments, Status.SMOOTH) < 2.0
+    time, count, smooth = np.arange(0.0, 20.0, 0.002), 4e-4, 0.0
+    for seed in range(3, 8):
+        noise = 0.3 * count * np.random.default_rng(seed).standard_normal(len(time))
+        positions = rounded(0.02 * (time + 0.97 * np.sin(4.0 * math.pi * time) / (4.0 * math.pi)) + noise, count)
+        _, segments, _ = watch(Batch(time=time, position=positions))
+        smooth += spent(segments, Status.SMOOTH)
+    assert smooth < 0.15 * 5 * time[-1]
 
 
 def test_a_stop_too_brief_for_a_rest_is_a_deep_dip() -> None:

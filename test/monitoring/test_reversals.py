@@ -12,6 +12,7 @@ import pytest
 from stickslip_ros.model.compensation import usual_compensation
 from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import Gains, Joint
+from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.model.reversal import ReferenceMotion, followed, reversals, sine, triangle
 from stickslip_ros.monitoring.assessment import MonitorOptions
 from stickslip_ros.monitoring.detection.reversals import ReversalRecord
@@ -175,3 +176,31 @@ def test_what_shakes_under_a_resting_reference_does_not_turn_round() -> None:
     assert seen(Batch(time=times, position=shaking, reference_position=np.zeros(len(times)))) is None
     rising = 0.02 * times
     assert seen(Batch(time=times, position=rising + shaking, reference_position=rising)) is None
+
+
+def test_a_pause_at_the_turn_is_not_friction(puma: Joint) -> None:
+    """Only while the reference goes on does friction hold the joint: a pause of 4 s was told as standing for 4 s."""
+    period, pause = 1e-3, 4.0
+    there = np.arange(0.0, 0.02, 0.005 * period)
+    reference = np.concatenate([there, np.full(round(pause / period), there[-1]), there[::-1]])
+    velocities = np.gradient(reference, period)
+    motion = JointSimulation(puma, GAINS).advance(period, reference, velocities)
+    time = period * np.arange(len(reference))
+    record = seen(Batch(time=time, position=1e-5 * np.round(motion.position / 1e-5), reference_position=reference))
+    assert record is not None
+    assert record.count == 1
+    assert record.standing < 1.0
+
+
+def test_a_reference_that_jumps_does_not_turn_round() -> None:
+    """A square wave: how far the joint is behind is the jump."""
+    time = 1e-2 * np.arange(4000)
+    reference = np.where(time % 4.0 < 2.0, 0.0, 0.5)
+    position, positions = 0.0, []
+    for goal in reference:
+        position += 0.1 * (goal - position)
+        positions.append(position)
+    assert (
+        seen(Batch(time=time, position=1e-4 * np.round(np.array(positions) / 1e-4), reference_position=reference))
+        is None
+    )

@@ -57,6 +57,7 @@ MOTION = np.dtype(
         ("last_reference", float),  # reference there
         ("past", float, (PAST, PAST_COLUMNS)),  # the slices remembered
         ("entries", np.int64),  # slices ever remembered
+        ("code", np.int64),  # what the last slice showed
         ("closed", np.int64),  # slices reported since this was set to zero
         ("window", float),  # over which velocities are taken where none is given
         # What is known of the cycles.
@@ -92,16 +93,16 @@ MOTION = np.dtype(
 
 # What the motion shows.
 (
-    TOO_FEW, STICKS, AT_REST, REVERSING, TOO_SHORT, STOPS_AND_GOES, DIPS, MOVES, STEPS_OF_COUNTS, FEW_COUNTS,
+    TOO_FEW, STICKS, AT_REST, STUCK, REVERSING, TOO_SHORT, STOPS_AND_GOES, DIPS, MOVES, STEPS_OF_COUNTS, FEW_COUNTS,
     FEW_READINGS,
-) = range(11)  # fmt: skip
+) = range(12)  # fmt: skip
 
 PERIODS_TO_TRUST = 2.0  # duration of motion, cycle or natural periods: with less it is not called smooth
 _OUTLIVES = 2.0  # time, way or dwell, of that of the longest recent slip: with more what was found says nothing of now
 _CYCLES_AT_MOST = 1.9  # the same, usual cycles: not two, since an arrest is seen a little late
 _RECENT_STOPS = 10.0  # age of a stop, of the motion needed
 _CYCLES_FOR_STICK_SLIP = 2  # cycles in a row, 1
-_LEAST_CROSSINGS = 20  # crossings, 1: with fewer there is no finding
+_TRAVELLED = 10.0  # way, bands: with more, and still going, a reference has left a joint at rest behind
 # Of the mean speed: what a dip must fall below, once or again and again, for the joint to be at risk.
 _DIP, DIP_AGAIN = 0.2, 0.7
 _DEEPER = 0.5  # slowest share, of the reference's own: at most
@@ -110,7 +111,7 @@ _BRIEFEST = 0.02  # duration of a dip, of the motion that is judged: less than h
 _AGAIN = 5  # dips in the motion that is judged, 1: faster than a person moves, or most joints ring when they set off
 LEAST_READINGS = 20.0  # readings in the motion that is judged, 1: stick-slip has up to 10 cycles a second
 _START = 0.25  # start from rest or from a turn, of the motion needed: it is no dip
-_WINDOW_CROSSINGS = 6  # crossings in half of the motion that is searched for dips, 1: at least
+_LEAST_CROSSINGS = 20  # crossings in the motion that is searched for dips and steps, 1: at least
 _STEPPED = 24  # crossings that show whether a joint steps, 1
 _GAPS_OF_A_STEP = 4  # bands of a slip, 1: with fewer it is too short to be seen as one
 _UNEVEN = 4.0  # longest gap of a joint that steps, of the shortest one beside it
@@ -138,6 +139,12 @@ def last_crossing_time(detector):
     """Time of the latest crossing [s]; -inf before any."""
     head = detector.head
     return detector.crossings[(head - 1) % kernel.RING, kernel.TIME] if head else -np.inf
+
+
+@helper()
+def _crossing_time(back, detector):
+    """Time of a crossing counted from the latest one, which is the first [s]."""
+    return detector.crossings[(detector.head - back) % kernel.RING, kernel.TIME]
 
 
 @helper()
@@ -196,14 +203,12 @@ def open_rest(least_duration, detector):
 def slowest_share(since, detector):
     """Slowest motion since a time over the mean there, 0 to 1, and how often the speed dipped.
 
-    1 and 0 if there is too little to tell.
+    1 and 0 if it has not picked up again.
     """
     head = detector.head
     first = head
     while first > max(0, head - kernel.RING) and detector.crossings[(first - 1) % kernel.RING, kernel.TIME] >= since:
         first -= 1
-    if head - first < 2 * _WINDOW_CROSSINGS:
-        return 1.0, 0
     begin, end = first % kernel.RING, (head - 1) % kernel.RING
     way = abs(detector.crossings[end, kernel.POSITION] - detector.crossings[begin, kernel.POSITION])
     mean = way / (detector.crossings[end, kernel.TIME] - detector.crossings[begin, kernel.TIME])
@@ -389,7 +394,11 @@ def judge(rest, motion, detector, remembers):
     left = motion.last_breakaway if np.isfinite(motion.last_breakaway) else motion.first_time
     if np.isfinite(rest) or detector.head <= 1:
         since = rest if np.isfinite(rest) else motion.first_time
-        return AT_REST, now - since, travel_since(since, motion)
+        # Of a joint that has never moved no band is known.
+        travel, band = travel_since(since, motion), detector.position.band
+        band = band if np.isfinite(band) else 0.0
+        goes_on = travel_since(max(since, now - motion.window), motion) > band
+        return STUCK if travel > _TRAVELLED * band and goes_on else AT_REST, now - since, travel
     # A rest is known in full only some time after its end.
     began = max(left, motion.rested_at)
     moving, needed = now - max(motion.turned, began), motion.needed
@@ -398,11 +407,14 @@ def judge(rest, motion, detector, remembers):
         if stops_and_goes:
             return STOPS_AND_GOES, 0.0, 0.0
         return REVERSING if motion.turned > began else TOO_SHORT, moving, needed
-    if detector.head < _LEAST_CROSSINGS:
-        return FEW_COUNTS, 0.0, 0.0
-    if not motion.interval * LEAST_READINGS <= motion.window:
+    # In whole readings.
+    if not motion.interval * (LEAST_READINGS - 0.5) <= motion.window:
         return FEW_READINGS, 1.0 / motion.interval, LEAST_READINGS / motion.window
-    since = max(now - needed, max(motion.turned, began) + _START * needed)
+    # In fewer crossings neither a dip nor a step is seen: motion is searched so far back that it has enough.
+    since = max(motion.turned, began) + _START * needed
+    if detector.head < _LEAST_CROSSINGS or _crossing_time(_LEAST_CROSSINGS, detector) < since:
+        return FEW_COUNTS, 0.0, 0.0
+    since = max(min(now - needed, _crossing_time(_LEAST_CROSSINGS, detector)), since)
     dip, dips = slowest_share(since, detector)
     code, number = MOVES, dip
     if dips >= _AGAIN and dip >= _DIP:

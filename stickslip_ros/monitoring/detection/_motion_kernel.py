@@ -106,8 +106,13 @@ def close_slice(slices, motion, detector):
     if np.isfinite(rest):
         motion.rested_at, motion.rest_began = now, rest
     code, _, _ = judgement.judge(rest, motion, detector, True)
+    stands = code in (judgement.AT_REST, judgement.STUCK)
+    if stands and rest > motion.slice_begin and abs(moved) > swings.FLICKER * detector.position.band:
+        # It came to rest within the slice, after the end of a motion or after a step.
+        code = judgement.STICKS if motion.code == judgement.STICKS else judgement.TOO_SHORT
+    motion.code = code
     velocity = np.nan
-    if code == judgement.MOVES:
+    if code in (judgement.MOVES, judgement.STUCK):
         velocity = judgement.reference_velocity(motion.window, motion)
         if not np.isfinite(velocity):
             velocity = judgement.mean_velocity(motion.window, motion)

@@ -12,13 +12,14 @@ import numpy as np
 
 from stickslip_ros.model.reversal import Reversal, following_error
 from stickslip_ros.monitoring.detection.rests import Rest
-from stickslip_ros.monitoring.samples import Batch, SampleBuffer
+from stickslip_ros.monitoring.samples import Batch, FloatArray, SampleBuffer
 
 _KEPT = 200  # latest reversals whose medians are reported, 1
 _BEFORE = 1.0  # dwells, or seconds if that is more, before the arrest, in which the reference may have turned
 _LONGEST = 25.0  # time after the breakaway, s: the following error is not measured later
 _LEAD = 2.0  # time by which the reference may turn before a joint that turns without a stop, s
 _LEAST_TURN = 0.1  # way of the reference before a turn, of that after it
+_LARGEST_STEP = 0.5  # change of the reference from sample to sample, of its way after the turn: more is a jump
 _TURNS = 64  # latest turns that are kept, 1
 
 
@@ -154,18 +155,28 @@ def _measured(rest: Rest, samples: Batch, stops: int, settled: float) -> Reversa
         return None
     onward = int(np.argmax(direction * reference[after])) + turn + 2
     position = samples.position[known]
+    if _jumps(reference[turn:onward]):
+        return None
     peak, running = following_error(reference[turn + 1 : onward], position[turn + 1 : onward], direction)
     start = float(times[turn])
+    # As long as the reference rests at the turn the joint is to stand.
+    rests = int(turn - np.argmax((reference[: turn + 1] != reference[turn])[::-1])) + 1
+    paused = max(min(start, rest.breakaway) - max(float(times[rests]), rest.arrest), 0.0)
     return Reversal(
         time=start,
         direction=direction,
-        standing=rest.dwell,
+        standing=rest.dwell - paused,
         lost_motion=lost,
         peak_error=peak,
         running_error=running,
         stops=stops,
         settles_after=max(settled - start, 0.0),
     )
+
+
+def _jumps(reference: FloatArray) -> bool:
+    """Whether a reference, from a turn on, jumps to where it goes."""
+    return bool(np.abs(np.diff(reference)).max() > _LARGEST_STEP * np.ptp(reference))
 
 
 def _passed(time: float, samples: Batch) -> Reversal | None:
@@ -183,7 +194,7 @@ def _passed(time: float, samples: Batch) -> Reversal | None:
     turn = int(here - np.argmin((direction * reference[near])[::-1]))
     onward = int(np.argmax(direction * reference[turn + 1 :])) + turn + 2 if turn + 1 < len(reference) else turn
     came, goes = (direction * (reference[other] - reference[turn]) for other in (0, onward - 1))
-    if turn == 0 or not came > _LEAST_TURN * goes > 0.0:
+    if turn == 0 or not came > _LEAST_TURN * goes > 0.0 or _jumps(reference[turn:onward]):
         return None
     peak, running = following_error(reference[turn + 1 : onward], position[turn + 1 : onward], direction)
     behind = direction * position[: here + 1]

@@ -21,6 +21,7 @@ STATUS_OF = {
     judgement.TOO_FEW: Status.NOT_JUDGED,
     judgement.STICKS: Status.STICK_SLIP,
     judgement.AT_REST: Status.AT_REST,
+    judgement.STUCK: Status.AT_REST,
     judgement.REVERSING: Status.NOT_JUDGED,
     judgement.TOO_SHORT: Status.NOT_JUDGED,
     judgement.STOPS_AND_GOES: Status.NOT_JUDGED,
@@ -90,7 +91,8 @@ class Segments:
             and 0.0 <= segment.start - last.end <= kernel.LONGEST_SILENCE
         ):
             velocity = (_way(last) + _way(segment)) / (segment.end - last.start)
-            segment = replace(segment, start=self.all.pop().start, velocity=velocity)
+            stuck, travel = last.stuck + segment.stuck, last.travel + segment.travel
+            segment = replace(segment, start=self.all.pop().start, velocity=velocity, stuck=stuck, travel=travel)
         self.all.append(segment)
 
     def _extend(self, rows: FloatArray, code: int) -> None:
@@ -100,13 +102,17 @@ class Segments:
         # A joint that stands as soon as its samples can be measured stood before: waiting for samples is no motion.
         same = last is not None and (last.status is status or (self._unmeasured and status is Status.AT_REST))
         self._unmeasured = code == judgement.TOO_FEW
+        stuck, travel, until = 0.0, 0.0, start
         if last is not None and same and 0.0 <= start - last.end <= kernel.LONGEST_SILENCE:
-            start = last.start
+            start, stuck, travel, until = last.start, last.stuck, last.travel, last.end
             self.all.pop()
         else:
             self._from = float(rows[0, kernel.FROM])
+        for row in rows if code == judgement.STUCK else ():
+            duration, until = float(row[kernel.END]) - until, float(row[kernel.END])
+            stuck, travel = stuck + duration, travel + abs(float(row[kernel.VELOCITY])) * duration
         velocity = (float(rows[-1, kernel.TO]) - self._from) / (end - start) if end > start else 0.0
-        self.all.append(Segment(start=start, end=end, status=status, velocity=velocity))
+        self.all.append(Segment(start=start, end=end, status=status, velocity=velocity, stuck=stuck, travel=travel))
 
 
 def _way(segment: Segment) -> float:

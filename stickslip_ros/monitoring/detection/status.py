@@ -173,9 +173,12 @@ class Segment:
     Attributes
     ----------
     start, end : [s]; velocity : mean velocity [rad/s].
+    stuck : time of it in which the joint stood while its reference went on [s]; travel : of the reference then [rad].
     """
 
     start: float
     end: float
     status: Status
     velocity: float
+    stuck: float = 0.0
+    travel: float = 0.0
