@@ -23,8 +23,8 @@ from rich.terminal_theme import MONOKAI
 from sensor_msgs.msg import CompressedImage
 
 from stickslip_ros.cli.main import main as stickslip
+from stickslip_ros.cli.monitor_client import WatchListener
 from stickslip_ros.cli.processes import NodeProcess, isolate
-from stickslip_ros.cli.watch_listener import WatchListener
 from stickslip_ros.cli.watch_view import view
 
 PICTURES = Path(__file__).parent / "pictures"

@@ -20,6 +20,11 @@ def visible(text: str, *, kept: str = "") -> str:
     return "".join(one if one in kept or one.isprintable() else _shown(one) for one in text)
 
 
+def full_name(robot: str, joint: str) -> str:
+    """A joint's name with that of its robot, which is "" where there is one only; visible."""
+    return visible(f"{robot}/{joint}" if robot else joint)
+
+
 def listed(names: Sequence[str], most: int) -> str:
     """So many of the names at most, for a sentence."""
     return f"{', '.join(names[:most])}{', …' if len(names) > most else ''}"

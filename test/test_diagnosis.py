@@ -57,7 +57,7 @@ def test_no_sentence_has_an_infinite_duration(silent_for: float | None, configur
 def test_a_silent_monitor_in_words() -> None:
     """Issue 15: so too in `stickslip watch`."""
     pytest.importorskip("rclpy")
-    from stickslip_ros.cli.watch_listener import WatchListener, _Heard
+    from stickslip_ros.cli.monitor_client import WatchListener, _Heard
 
     for at, text in ((-math.inf, "no status yet"), (-1e6, "no status for 1")):
         message = WatchListener._view("a", _Heard(at=at, values={"status": "smooth"})).message

@@ -61,14 +61,16 @@ def state() -> Assessment:
 
 def with_a_row_more(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
     """Every section gets a row; returns the names of these by section."""
-    names, of_advice = {}, []
+    names = {}
+    groups = {name: found for name, found in vars(published).items() if name.startswith("OF_")}
     for name, section in [(name, found) for name, found in vars(published).items() if isinstance(found, Section)]:
-        new = f"new of {name.lower()}"
+        names[name] = new = f"new of {name.lower()}"
         row = Published(value=lambda _: 1.5, unit="m", diagnostics=new, json=new, fleet=new)
-        monkeypatch.setattr(published, name, replace(section, rows=(*section.rows, row)))
-        of_advice += [getattr(published, name)] if section in published.OF_ADVICE else []
-        names[name] = new
-    monkeypatch.setattr(published, "OF_ADVICE", tuple(of_advice))
+        longer = replace(section, rows=(*section.rows, row))
+        monkeypatch.setattr(published, name, longer)
+        groups = {of: tuple(longer if one is section else one for one in found) for of, found in groups.items()}
+    for of, found in groups.items():
+        monkeypatch.setattr(published, of, found)
     return names
 
 
@@ -85,7 +87,7 @@ def test_every_row_is_in_the_diagnostics(state: Assessment, monkeypatch: pytest.
 def test_every_row_is_in_the_json_and_the_fleets_table(state: Assessment, monkeypatch: pytest.MonkeyPatch) -> None:
     """Likewise in the JSON of an analysis, and in the columns of a fleet's table."""
     from stickslip_ros.analysis.analysis_json import joint_json
-    from stickslip_ros.analysis.fleet_table import rows_of
+    from stickslip_ros.analysis.fleet_joints import rows_of
     from stickslip_ros.analysis.joint_analysis import JointAnalysis
     from stickslip_ros.settings.parameter_file import Parameters
 

@@ -12,7 +12,6 @@ from typing import Any
 from stickslip_ros.analysis.analysis import BagAnalysis
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.bags.topics import Topics
-from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, NAMES, FrictionEstimate
 from stickslip_ros.output import as_json, published
@@ -66,12 +65,10 @@ def joint_json(joint: JointAnalysis) -> dict[str, Any]:
         margin = as_json.margin_json(state.joint, state.margin_gains, joint.velocity, exact=joint.exact)
         margin |= published.UNCERTAINTY.for_json(state) | published.EXACT_UNCERTAINTY.for_json(joint.exact)
         margin |= published.BELIEF.for_json(state)
-    gains = state.gains
     return {
         "samples": joint.samples,
         **numbers(joint, "start", "duration"),
-        **published.SAMPLING.for_json(state),
-        **published.POSITION.for_json(state),
+        **published.for_json(state, published.SAMPLING, published.POSITION),
         **published.STATUS.for_json(joint.status),
         "worst_status": joint.worst.value,
         **numbers(joint, "stick_slip_share", "moving_time"),
@@ -83,28 +80,19 @@ def joint_json(joint: JointAnalysis) -> dict[str, Any]:
             {"start": one.start, "end": one.end, "status": one.status.value, "velocity": number(one.velocity)}
             for one in joint.segments
         ],
-        "cycles": [_cycle_json(cycle) for cycle in joint.cycles],
-        "reversals": None if state.reversals is None else published.REVERSALS.for_json(state.reversals),
-        "presliding": None if state.presliding is None else published.PRESLIDING.for_json(state.presliding),
+        "cycles": [published.for_json(cycle, *published.OF_CYCLE) for cycle in joint.cycles],
+        "reversals": published.for_json(state.reversals, published.REVERSALS),
+        "presliding": published.for_json(state.presliding, published.PRESLIDING),
         "transient": None if joint.transient is None else asdict(joint.transient),
         "friction": _friction(state.estimate, state.position),
-        "gains": None if gains is None else published.GAINS.for_json(gains) | published.INTEGRAL_GAIN.for_json(gains),
+        "gains": published.for_json(state.gains, published.GAINS, published.INTEGRAL_GAIN),
         "margin": margin,
-        "exact_here": None if joint.exact_here is None else published.EXACT.for_json(joint.exact_here),
+        "exact_here": published.for_json(joint.exact_here, published.EXACT),
         "margin_reason": state.margin_reason,
         "recommendation": None
         if state.advice is None
         else as_json.recommendation_json(state.advice.recommendation, state.advice.sensitivities),
     }
-
-
-def _cycle_json(cycle: Cycle) -> dict[str, Any]:
-    """One cycle."""
-    return (
-        published.CYCLE_BEGINS.for_json(cycle)
-        | published.CYCLE_SIZE.for_json(cycle)
-        | published.CYCLE_PLACE.for_json(cycle)
-    )
 
 
 def _friction(estimate: FrictionEstimate | None, position: float) -> dict[str, Any] | None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.samples import Batch, FloatArray
-from stickslip_ros.output.wording import constant_effort_text, references_off_text
+from stickslip_ros.output.wording import constant_effort_text, references_off_text, times_text
 
 _BLOCK = 4096  # samples that are looked at together, however they come
 _MOST_BLOCKS = 25  # for what holds of a whole recording
@@ -200,6 +200,5 @@ def data_problems(assessment: Assessment, samples: int, references_off: float) -
     if math.isfinite(references_off):
         texts.append(references_off_text(references_off))
     if restarts:
-        times = "once" if restarts == 1 else f"{restarts} times"
-        texts.append(f"stamps jump back {times}: the motion is followed anew from there")
+        texts.append(f"stamps jump back {times_text(restarts)}: the motion is followed anew from there")
     return texts

@@ -21,6 +21,7 @@ from stickslip_ros.output.wording import (
     presliding_text,
     reason_text,
     reversals_text,
+    times_text,
 )
 
 _LEAST_SHARE = 0.001  # that is told as a number
@@ -112,8 +113,7 @@ def _in_the_end(joint: JointAnalysis) -> str:
     """That stick-slip died out, where it did."""
     if joint.transient is None:
         return ""
-    count = joint.transient.cycles
-    return f" It stuck {'once' if count == 1 else f'{count} times'} after starting and has moved smoothly since."
+    return f" It stuck {times_text(joint.transient.cycles)} after starting and has moved smoothly since."
 
 
 def percent(share: float) -> str:
@@ -205,8 +205,7 @@ def reversals(joint: JointAnalysis, subject: str = "It") -> str:
     record = joint.assessment.reversals
     if record is None:
         return ""
-    times = "once" if record.count == 1 else f"{record.count} times"
-    text = f"{subject} reversed {times}: {reversals_text(record)}"
+    text = f"{subject} reversed {times_text(record.count)}: {reversals_text(record)}"
     return f"{text} (median); at most by {angle_text(record.largest_error)}." if record.count > 1 else f"{text}."
 
 

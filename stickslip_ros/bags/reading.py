@@ -22,8 +22,7 @@ from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.bags.topics import EVENTS_TYPE, TopicChoice, Topics, find_robots, find_topics, nearest_namespace
 from stickslip_ros.messages import joint_states
-from stickslip_ros.messages.gain_layouts import INTERFACES, why_not_taken
-from stickslip_ros.messages.gain_parameters import HeardGains, gain_value, joint_and_kind
+from stickslip_ros.messages.gain_parameters import INTERFACES, HeardGains, gain_value, joint_and_kind, why_not_taken
 from stickslip_ros.messages.joint_states import (
     WRAPS,
     Block,
@@ -36,7 +35,7 @@ from stickslip_ros.messages.joint_states import (
 )
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.samples import Batch, FloatArray, ReferencePairing
-from stickslip_ros.visible import visible
+from stickslip_ros.visible import full_name, visible
 
 _INSTEAD = "recording"  # whose time stands for a stamp that is not set
 
@@ -233,7 +232,7 @@ class BagReader:
                     if channel in (*topics.gains, *topics.events):
                         new = self._events[robot].process(message) if of_events else message
                         for joint, value in new.items():
-                            found.setdefault(number, {})[_full_name(robot, joint)] = value
+                            found.setdefault(number, {})[full_name(robot, joint)] = value
         return sorted(found.items())
 
     def _piece(
@@ -259,7 +258,7 @@ class BagReader:
                     chosen = self._chosen(block, numbers, channel, begin, end)
                     rows_of = self._controller_states(channel, block, chosen) if len(chosen) else {}
                 for joint, values in rows_of.items():
-                    name = _full_name(robot, joint)
+                    name = full_name(robot, joint)
                     known = references.get(name)
                     references[name] = values if known is None else np.concatenate([known, values])
         samples = {name: self._wholes.removed(name, rows) for name, rows in samples.items()}
@@ -268,7 +267,7 @@ class BagReader:
 
     def _known(self, robot: str, joint: str) -> str | None:
         """The name of a robot's joint in pieces; None if it is another one's already."""
-        name, joint = _full_name(robot, joint), visible(joint)
+        name, joint = full_name(robot, joint), visible(joint)
         if self.joints.setdefault(name, (robot, joint)) == (robot, joint):
             return name
         self._refused[f"{name} is the name of joints of two robots; only one is read"] += 1
@@ -309,10 +308,6 @@ class BagReader:
             self.replaced[f"{channel.topic}: {reason}"] += count
 
         return joint_states.with_times(stamps, np.asarray(1e-9 * recorded), _INSTEAD, replace)
-
-
-def _full_name(robot: str, joint: str) -> str:
-    return visible(f"{robot}/{joint}" if robot else joint)
 
 
 def read_joint_with_gains(

@@ -33,7 +33,7 @@ from stickslip_ros.errors import StickSlipError, optional_packages, reason
 from stickslip_ros.model.bounds import LARGEST
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 from stickslip_ros.settings.known_joints import config_folder
-from stickslip_ros.settings.parameter_names import nearest_joint
+from stickslip_ros.settings.parameter_names import did_you_mean, nearest_joint
 
 # What a damaged table makes its readers raise.
 _DAMAGE = (ValueError, EOFError, KeyError, MemoryError, NotImplementedError, zipfile.BadZipFile, zlib.error)
@@ -154,9 +154,8 @@ def load_recording(path: Path, joint: str | None = None, limit: UnpackLimit | No
     table = load_table(path, limit=limit)
     names = list(table.batches)
     if len(names) > 1 and joint not in names:
-        near = nearest_joint(joint or "", names)
         problem = "several joints" if joint is None else f"no joint {joint!r}"
-        problem += f"; did you mean {near!r}?" if near else ""
+        problem += did_you_mean(nearest_joint(joint or "", names))
         raise RecordingError(
             f"recording {path}: has {problem}; there are {', '.join(names)}; all of them become a bag by "
             f"stickslip convert {path} --out {path.stem}.mcap"

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from os.path import commonprefix
 
-from stickslip_ros.settings.nearest_name import did_you_mean
+from stickslip_ros.settings.parameter_names import did_you_mean, nearest_name
 
 TIME, POSITION = "time", "position"
 _REFERENCES = {POSITION: "reference_position", "velocity": "reference_velocity"}
@@ -400,7 +400,7 @@ def _named_columns(
             continue
         column = _as_in_table(one.column, names)
         if column not in names:
-            near = did_you_mean(one.column, names)
+            near = did_you_mean(nearest_name(one.column, names))
             raise ValueError(f"no column {one.column!r} for {one.field}{near or '; has ' + _listed(names)}")
         joint = (joints or {}).get(column) or (only if only is not None else _own_joint(one) or column)
         found.append((one, _column(one, column, "" if one.field == TIME else joint)))

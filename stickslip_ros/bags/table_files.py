@@ -4,20 +4,20 @@
 
 from __future__ import annotations
 
+import csv
 import io
 import re
 import zipfile
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from itertools import islice
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.bags import table_text
 from stickslip_ros.bags.storage.unpacking import TooMuchUnpackedError, UnpackLimit
 from stickslip_ros.bags.table_columns import Named
 from stickslip_ros.monitoring.samples import FloatArray
@@ -32,6 +32,15 @@ _BAD_VALUE = re.compile(r"In CSV column #(\d+): Row #(\d+): .*invalid value '(.*
 _BAD_ROW = re.compile(r"CSV parse error: Row #(\d+): Expected (\d+) columns, got (\d+)")
 _BYTES_OF_A_VALUE = 8
 _NAME_OF_A_JOINT = re.compile(r"(?:^|[./])(?:joint_)?names?\[?(\d+)\]?$")  # a column of joints' names in a message
+_DELIMITERS = (";", "\t", ",", "|")
+_COMMENTS = ("#", "%")
+_LARGEST_CELL = 1_000_000  # characters
+_DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
+_DAY = re.compile(r"\d{4}-\d\d-\d\d")
+_CLOCK = re.compile(r"\d\d:\d\d(:\d\d(\.\d{1,9})?)?")
+_LONGEST_PREAMBLE = 100  # lines
+_ECHOED = ("header.stamp.sec", "header.stamp.nanosec", "header.frame_id")
+_ECHOED_FIELDS = ("position", "velocity", "effort")
 
 
 class TableFile:
@@ -109,24 +118,24 @@ class _Text(TableFile):
         self._file = file
         begin = file.read(_LOOKED_AT)
         lines = begin.splitlines(keepends=True)
-        self._skipped, header = table_text.header_of(lines)
+        self._skipped, header = _header_of(lines)
         self._above = 0
-        below = table_text.below_a_preamble(lines, self._skipped)
+        below = _below_a_preamble(lines, self._skipped)
         if below is not None:
             self._above, (self._skipped, header) = below[0] - self._skipped, below
         texts = [line.decode("utf-8", "replace") for line in lines[self._skipped + 1 :]][:_ROWS_LOOKED_AT]
         texts = [text for text in texts if text.strip()]
-        self._delimiter = table_text.delimiter_of(header, texts)
-        self._columns = table_text.cells_of(header, self._delimiter)
-        named = table_text.columns_of_an_echo(self._columns)
+        self._delimiter = _delimiter_of(header, texts)
+        self._columns = _cells_of(header, self._delimiter)
+        named = _columns_of_an_echo(self._columns)
         if named:
             # The message's own layout stands for the line of names that is not there.
             self._columns, texts, self._skipped = named, [header, *texts], self._skipped - 1
         if not texts:
             raise ValueError("it has no rows under its line of names")
-        if all(table_text.is_number(cell) for cell in self._columns):
+        if all(_is_number(cell) for cell in self._columns):
             raise ValueError(f"line {self._skipped + 1}: must name the columns; it has numbers: {header.strip()[:60]}")
-        rows = [table_text.cells_of(text, self._delimiter) for text in texts]
+        rows = [_cells_of(text, self._delimiter) for text in texts]
         values = [cell for row in rows for cell in row]
         commas = self._delimiter != "," and any(_DECIMAL_COMMA.fullmatch(cell) for cell in values)
         self._decimal = "," if commas else "."
@@ -138,9 +147,9 @@ class _Text(TableFile):
         self.joints = {
             found[1]: cell for name, cell in firsts.items() if (found := _NAME_OF_A_JOINT.search(name)) and cell
         }
-        self._zones = {name: bool(_ZONE.search(cell)) for name, cell in firsts.items() if table_text.DATE.match(cell)}
-        self.days = frozenset(name for name, cell in firsts.items() if table_text.DAY.fullmatch(cell))
-        self.clocks = frozenset(name for name, cell in firsts.items() if table_text.CLOCK.fullmatch(cell))
+        self._zones = {name: bool(_ZONE.search(cell)) for name, cell in firsts.items() if _DATE.match(cell)}
+        self.days = frozenset(name for name, cell in firsts.items() if _DAY.fullmatch(cell))
+        self.clocks = frozenset(name for name, cell in firsts.items() if _CLOCK.fullmatch(cell))
         self.dates = frozenset(self._zones) | self.days | self.clocks
         shown = {"\t": "tabs", " ": "blanks"}.get(self._delimiter, f"{self._delimiter!r}")
         above = f", below {self._above} other lines" if self._above else ""
@@ -335,3 +344,104 @@ class _Npz(TableFile):
             listed = ", ".join(f"{name} {length}" for name, length in lengths.items())
             raise ValueError(f"every column must have as many numbers as the others: {listed}")
         return {name: self._columns[name].astype(float) for name in names}
+
+
+def _header_of(lines: Sequence[bytes]) -> tuple[int, str]:
+    """Which line has the names, counted from 0, and its text: the first one that is no comment, or a comment above
+    numbers.
+
+    Raises
+    ------
+    ValueError
+        If there is none, or a line is no text in UTF-8.
+    """
+    comment = None
+    for number, line in enumerate(lines):
+        try:
+            text = line.decode("utf-8-sig" if number == 0 else "utf-8").strip("\r\n")
+        except UnicodeDecodeError as error:
+            raise ValueError(f"line {number + 1}: must be text in UTF-8: {error.reason}") from error
+        if not text.strip():
+            continue
+        if text.lstrip().startswith(_COMMENTS):
+            comment = number, text.lstrip().lstrip("".join(_COMMENTS)).lstrip(" ")
+            continue
+        begins = re.split(r"[;,\t| ]+", text.strip())[0]
+        return comment if comment is not None and _is_number(begins) else (number, text)
+    raise ValueError("the file is empty" if not lines else "it has no line that names the columns")
+
+
+def _below_a_preamble(lines: Sequence[bytes], first: int) -> tuple[int, str] | None:
+    """The line of names, and its number, where others stand above it: as many names as there are values below, while
+    the first line has another number of them. None if there are no such lines.
+    """
+    # The last line may be cut off.
+    texts = {number: line.decode("utf-8", "replace").strip("\r\n") for number, line in enumerate(lines[:-1])}
+    texts = {number: text for number, text in texts.items() if number >= first and text.strip()}
+    numbers = list(texts)[: _LONGEST_PREAMBLE + 1]
+    for delimiter in (*_DELIMITERS, " "):
+        counts = {number: len(_cells_of(texts[number], delimiter)) for number in numbers}
+        if not numbers or counts[numbers[-1]] < 2 or counts[first] == counts[numbers[-1]]:
+            continue
+        for number, after in pairwise(numbers):
+            values = _cells_of(texts[after], delimiter)
+            if counts[number] == counts[after] == counts[numbers[-1]] and _is_value(values[0]):
+                names = _cells_of(texts[number], delimiter)
+                return None if any(map(_is_value, names)) else (number, texts[number])
+    return None
+
+
+def _is_value(cell: str) -> bool:
+    return _is_number(cell) or _DATE.match(cell) is not None or bool(_DAY.fullmatch(cell) or _CLOCK.fullmatch(cell))
+
+
+def _columns_of_an_echo(cells: Sequence[str]) -> list[str]:
+    """Names of the columns that `ros2 topic echo --csv` prints of a JointState, which has no line of names: stamp,
+    frame, names, and as many positions, then velocities, then efforts; [] if it is none.
+    """
+    stamp, rest = cells[: len(_ECHOED)], cells[len(_ECHOED) :]
+    count = next((number for number, cell in enumerate(rest) if _is_number(cell)), 0)
+    kinds, more = divmod(len(rest) - count, count) if count else (0, 0)
+    numbers = [*stamp[:2], *rest[count:]]
+    if not 1 <= kinds <= len(_ECHOED_FIELDS) or more or not all(map(_is_number, numbers)) or _is_number(stamp[2]):
+        return []
+    fields = ("name", *_ECHOED_FIELDS[:kinds])
+    return [*_ECHOED, *(f"{field}[{number}]" for field in fields for number in range(count))]
+
+
+def _delimiter_of(header: str, rows: Sequence[str]) -> str:
+    """What stands between values: what the names and the first rows have as often."""
+    for delimiter in _DELIMITERS:
+        count = len(_cells_of(header, delimiter))
+        if count > 1 and rows and len(_cells_of(rows[0], delimiter)) == count:
+            return delimiter
+    most = max(_DELIMITERS, key=header.count)
+    if header.count(most):
+        return most
+    return " " if " " in header.strip() else ","
+
+
+def _cells_of(line: str, delimiter: str) -> list[str]:
+    """The cells of a line, without the blanks around them.
+
+    Raises
+    ------
+    ValueError
+        If one is too long.
+    """
+    if delimiter == " ":
+        return line.split()
+    csv.field_size_limit(_LARGEST_CELL)
+    try:
+        return [cell.strip() for cell in next(csv.reader([line.strip("\r\n")], delimiter=delimiter), [])]
+    except csv.Error as error:
+        raise ValueError(str(error)) from error
+
+
+def _is_number(cell: str) -> bool:
+    """Whether a cell is a number, with a decimal point or comma."""
+    try:
+        float(cell.replace(",", "."))
+    except ValueError:
+        return False
+    return True

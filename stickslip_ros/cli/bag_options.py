@@ -18,9 +18,8 @@ from stickslip_ros.cli.options import add_flag, add_number, add_option, add_repe
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.monitoring.advice.limits import LIMIT_OPTIONS
 from stickslip_ros.settings.known_joints import load_joint
-from stickslip_ros.settings.nearest_name import nearest_name
 from stickslip_ros.settings.parameter_file import Parameters
-from stickslip_ros.settings.parameter_names import nearest_joint
+from stickslip_ros.settings.parameter_names import did_you_mean, nearest_joint, nearest_name
 from stickslip_ros.settings.parameter_table import GAINS
 
 GAINS_FORM = "[JOINT=]P[,D[,I]]"
@@ -195,8 +194,7 @@ def check_named_joints(options: argparse.Namespace, chosen: AnalysisOptions, bag
             # Said of the bag when it is analysed.
             continue
     for joint in sorted(missing) if there else ():
-        near = nearest_joint(joint, there) or nearest_name(joint, there)
-        meant = f"; did you mean {near!r}?" if near else ""
+        meant = did_you_mean(nearest_joint(joint, there) or nearest_name(joint, there))
         where = "the bag" if len(bags) == 1 else f"any of {len(bags)} bags"
         listed = ", ".join(sorted(there))
         raise StickSlipError(f"{named[joint]}: no joint {joint!r} in {where}{meant}; joints there: {listed}")

@@ -22,15 +22,20 @@ from rich.markup import escape
 from rich.table import Table
 
 from stickslip_ros.analysis.analysis import BagAnalysis, analyze
-from stickslip_ros.analysis.comparison import Comparison, JointComparison, compare
-from stickslip_ros.analysis.comparison_words import VERDICT_COLOURS, comparison_json, not_compared, rows, sentence
+from stickslip_ros.analysis.comparison import (
+    Comparison,
+    JointComparison,
+    compare,
+    comparison_json,
+    not_compared,
+    rows,
+    sentence,
+)
 from stickslip_ros.analysis.report.comparison_page import write_comparison_page
 from stickslip_ros.bags.table import RecordingError
-from stickslip_ros.cli.analysis_tables import COLOURS, status_text
 from stickslip_ros.cli.bag_options import GAINS_FORM, add_bag_arguments, analysis_options, check_named_joints
-from stickslip_ros.cli.options import add_json, add_option, add_repeated
-from stickslip_ros.cli.outputs import PAGE, refuse_inputs
-from stickslip_ros.cli.terminal import console_of_tables, print_warning, progress_bar
+from stickslip_ros.cli.options import PAGE, add_json, add_option, add_repeated, refuse_inputs
+from stickslip_ros.cli.terminal import COLOURS, console_of_tables, print_warning, progress_bar, status_text
 from stickslip_ros.output.as_json import json_text
 from stickslip_ros.visible import visible
 
@@ -95,7 +100,7 @@ def print_joints(console: Console, joints: Sequence[JointComparison]) -> None:
         console.print(_table(joint))
         for text in not_compared(joint):
             console.print(f"[dim]not compared: {escape(text)}[/]", soft_wrap=True)
-        colour = COLOURS.get(VERDICT_COLOURS.get(joint.verdict, ""), "bold")
+        colour = COLOURS.get(joint.verdict.like, "bold")
         console.print(f"[{colour}]{escape(visible(sentence(joint)))}[/]\n", soft_wrap=True)
 
 

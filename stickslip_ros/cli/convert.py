@@ -28,8 +28,14 @@ from stickslip_ros.bags.table import RecordingError, Table, find_recording, load
 from stickslip_ros.bags.table_columns import POSITION, Column, Named
 from stickslip_ros.bags.writing import COMPRESSIONS, LAST_STAMP, write_recording
 from stickslip_ros.cli.bag_options import GAINS_RULE, add_unpack_argument, can_be_a_gain
-from stickslip_ros.cli.options import add_number, add_option, add_repeated
-from stickslip_ros.cli.outputs import add_bag_output, refuse_inputs, refuse_to_overwrite
+from stickslip_ros.cli.options import (
+    add_bag_output,
+    add_number,
+    add_option,
+    add_repeated,
+    refuse_inputs,
+    refuse_to_overwrite,
+)
 from stickslip_ros.cli.terminal import console_of_tables, console_of_text, new_table, print_warning
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Gains

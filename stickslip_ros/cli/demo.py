@@ -17,7 +17,8 @@ from __future__ import annotations
 
 import argparse
 import math
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,8 +29,7 @@ from stickslip_ros.analysis.comparison import compare_joints
 from stickslip_ros.analysis.joint_analysis import JointAnalysis, JointAnalyzer
 from stickslip_ros.bags.table import find_recording, load_recording
 from stickslip_ros.cli.compare import print_joints
-from stickslip_ros.cli.options import add_flag, add_number, refuse_given
-from stickslip_ros.cli.outputs import DRAWING
+from stickslip_ros.cli.options import DRAWING, add_flag, add_number, refuse_given
 from stickslip_ros.cli.processes import NodeProcess, isolate
 from stickslip_ros.cli.terminal import console_of_text
 from stickslip_ros.cli.warm_up import compile_and_say
@@ -60,6 +60,13 @@ _RATE = 500.0  # samples a second [Hz]: all processes of the demo have room on t
 _SMOOTH_LIMIT = 25.0
 _APPLY_LIMIT = 45.0
 _ATTEMPTS = 3  # number of requests to apply the advice, 1
+_STIFF, _DAMPED, _HARDLY_DAMPED = 6300.0, 200.0, 20.0  # [N·m/rad], [N·m·s/rad], likewise
+_ONE_WAY = 4.0  # [s] between reversals
+_FAST = 0.02  # [rad/s] smooth by itself, with hardly any damping
+_SHARE, _TOO_MUCH = 0.5, 1.2  # of the friction
+_CYCLES, _TURNS = 4, 2
+_LIMIT = 60.0  # [s] for each of the things shown
+_LEFT = 0.7  # of the error at a reversal: less is a help
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -100,9 +107,7 @@ def run(options: argparse.Namespace) -> int:
     if options.recording:
         return _replay(console, options)
     if options.compensation:
-        from stickslip_ros.cli.demo_compensation import compensate
-
-        return compensate(console, options.out, {**_KNOWN, **_FORGETFUL})
+        return _compensate(console, options.out)
     return _cure(console, options.out)
 
 
@@ -116,11 +121,26 @@ def _compile(console: Console) -> None:
         raise StickSlipError(failure)
 
 
-def _cure(console: Console, out: Path) -> int:
-    from stickslip_ros.cli.demo_log import two_nodes
-    from stickslip_ros.cli.demo_picture import draw
+@contextmanager
+def _two_nodes(console: Console, of_joint: Mapping[str, object]) -> Iterator[DemoListener]:
+    """Processes of a simulated joint, with these parameters, and of its monitor; yields the listener to both."""
+    from stickslip_ros.cli.demo_log import CONTROLLER, DemoListener
 
-    with two_nodes(console, _JOINT, {**_KNOWN, **_FORGETFUL}, {"rate": _RATE}) as listener:
+    with (
+        NodeProcess("simulated_joint", {"joints": f"[{_JOINT}]", **of_joint}) as simulated,
+        NodeProcess("monitor", {**_KNOWN, **_FORGETFUL, "controller": CONTROLLER}) as monitor,
+        closing(DemoListener(_JOINT, console, [simulated, monitor], "rad")) as listener,
+    ):
+        console.print(
+            "Two nodes started: [bold]simulated_joint[/] (PUMA 560 joint 1, the paper's friction) and [bold]monitor[/]."
+        )
+        yield listener
+
+
+def _cure(console: Console, out: Path) -> int:
+    from stickslip_ros.cli.demo_log import draw
+
+    with _two_nodes(console, {"rate": _RATE}) as listener:
         listener.wait_for_nodes(lambda: not math.isnan(listener.now) and listener.value("stiffness [N*m/rad]") != "")
         console.print(
             f"The joint is commanded to move at {listener.value('velocity [rad/s]')} rad/s, "
@@ -224,8 +244,7 @@ def _half(data: DemoData, begin: float, end: float, gains: dict[str, object]) ->
 
 
 def _replay(console: Console, options: argparse.Namespace) -> int:
-    from stickslip_ros.cli.demo_log import START_LIMIT, DemoListener, last_line
-    from stickslip_ros.cli.demo_picture import draw
+    from stickslip_ros.cli.demo_log import START_LIMIT, DemoListener, draw, last_line
 
     path = find_recording(options.recording)
     recording = load_recording(path)
@@ -261,3 +280,99 @@ def _replay(console: Console, options: argparse.Namespace) -> int:
         draw(listener.data, options.out, title=title, unit=recording.unit)
     console.print(f"Picture: [bold]{options.out}[/]")
     return 0
+
+
+class _Scene:
+    """The joint, its monitor, and who looks at them."""
+
+    def __init__(self, listener: DemoListener) -> None:
+        self.listener = listener
+        self._cycles = 0
+        listener.wait_for_nodes(lambda: listener.status != "" and not math.isnan(listener.now))
+        self.marks: list[tuple[float, str]] = []
+
+    def begin(self, values: Mapping[str, object], called: str = "") -> None:
+        """Set parameters of the joint, each named without it; what is seen from then on counts.
+
+        Parameters
+        ----------
+        called : what that is called in the picture.
+        """
+        joint = self.listener.joint
+        named = {".".join([kind, joint, *rest]): value for name, value in values.items()
+                 for kind, *rest in [name.split(".")]}  # fmt: skip
+        self._wait(self.listener.set_parameters(named).done, "the joint's parameters to be set")
+        self._wait(self.listener.trigger("reset", "reset it").done, "the monitor to answer")
+        # What was published before the reset does not count.
+        self._wait(lambda: not self._reversals(), "the monitor to be reset")
+        self.listener.listen(0.2)
+        if called:
+            self.marks.append((self.listener.now, called))
+        self._cycles = len(self.listener.data.cycles)
+
+    def _wait(self, reached: Callable[[], bool], what: str) -> None:
+        self.listener.wait(reached, _LIMIT, what)
+
+    def _reversals(self) -> float:
+        """Their latest number."""
+        return float(self.listener.value("reversals [1]") or 0.0)
+
+    def slips(self) -> float:
+        """Wait for some; returns the last one's way [rad]."""
+        cycles = self.listener.data.cycles
+        enough = self._cycles + _CYCLES
+        self._wait(lambda: len(cycles) >= enough, "stick-slip")
+        return abs(cycles[-1]["slip_distance"])
+
+    def reversal(self) -> tuple[float, float]:
+        """Wait for some; returns how long the joint stands [s], and its peak error [rad]."""
+        self._wait(lambda: self._reversals() >= _TURNS, "reversals")
+        values = [self.listener.value(f"reversal {what}") for what in ("standing [s]", "peak_error [rad]")]
+        return float(values[0]), float(values[1])
+
+
+def _compensate(console: Console, out: Path) -> int:
+    """What compensation does to stick-slip and at reversals: feed-forward does nothing against the one, and cures what
+    the others cost; feedback of more than the friction makes a joint hunt. StickSlipError unless all three were seen.
+    """
+    from stickslip_ros.cli.demo_log import draw
+
+    with _two_nodes(console, {}) as listener:
+        scene = _Scene(listener)
+        _show(console, scene)
+        draw(listener.data, out, title="PUMA 560 joint 1, its friction compensated", marks=scene.marks, unit="rad")
+    console.print(f"Picture: [bold]{out}[/]")
+    return 0
+
+
+def _show(console: Console, scene: _Scene) -> None:
+    scene.begin({"feedforward": 0.0})
+    console.print(f"[bold red]Stick-slip[/] with soft gains: slips of {1e3 * scene.slips():.2f} mrad.")
+    scene.begin({"feedforward": 1.0}, "all friction fed forward")
+    console.print(
+        f"With all of the friction [bold]fed forward[/] it sticks as before: slips of {1e3 * scene.slips():.2f} mrad. "
+        "At constant speed that is a constant torque, which changes nothing."
+    )
+    stiff = {"gains.p": _STIFF, "gains.d": _DAMPED, "profile": "reverse", "reversal_period": _ONE_WAY}
+    scene.begin({"feedforward": 0.0, **stiff}, "stiff, turns round")
+    standing, error = scene.reversal()
+    console.print(
+        f"With stiff gains it moves smoothly, and [bold]turns round[/] every {_ONE_WAY:g} s: there it stands for "
+        f"{standing:.2g} s and falls behind by {1e3 * error:.3g} mrad."
+    )
+    scene.begin({"feedforward": _SHARE}, f"{100 * _SHARE:.0f} % fed forward")
+    standing, left = scene.reversal()
+    if not left < _LEFT * error:
+        raise StickSlipError(
+            f"no help: {1e3 * left:.3g} mrad at a reversal with feed-forward, {1e3 * error:.3g} without"
+        )
+    console.print(
+        f"[bold green]Fed forward[/] at {100 * _SHARE:.0f} % of the friction, it stands for {standing:.2g} s and falls "
+        f"behind by {1e3 * left:.3g} mrad."
+    )
+    moving = {"profile": "move", "velocity": _FAST, "gains.d": _HARDLY_DAMPED}
+    scene.begin({"feedforward": 0.0, "feedback": _TOO_MUCH, **moving}, f"{100 * _TOO_MUCH:.0f} % fed back")
+    console.print(
+        f"[bold red]Feedback[/] by the measured speed, of {100 * _TOO_MUCH:.0f} % of the friction: at {1e3 * _FAST:g} "
+        f"mrad/s, where the stiff joint is smooth by itself, it stops and slips by {1e3 * scene.slips():.2f} mrad."
+    )

@@ -19,7 +19,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.cli.outputs import output_folder
+from stickslip_ros.cli.options import output_folder
 from stickslip_ros.cli.terminal import progress_bar
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.dimensionless import DimensionlessGroups, dimensionless_groups

@@ -27,8 +27,7 @@ from stickslip_ros.bags.storage.formats import is_read_as_bag
 from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table import RecordingError, find_recording, load_recording
 from stickslip_ros.cli.bag_options import add_unpack_argument, gain_fields, topic_choice
-from stickslip_ros.cli.options import add_flag, add_json, add_number, add_option, option_of, refuse_given
-from stickslip_ros.cli.outputs import JOINT_FILE
+from stickslip_ros.cli.options import JOINT_FILE, add_flag, add_json, add_number, add_option, option_of, refuse_given
 from stickslip_ros.cli.terminal import console_of_text, new_table, print_warning, progress_bar, working
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.interrupts import Interrupted
@@ -245,7 +244,7 @@ def _as_json(found: Identification) -> dict[str, Any]:
         "mismatch": slips.mismatch or None if slips else None,
         "per_inertia": found.per_inertia,
         "natural_frequency": number(frequency.value) if frequency else None,
-        "presliding": None if found.presliding is None else published.PRESLIDING.for_json(found.presliding),
+        "presliding": published.for_json(found.presliding, published.PRESLIDING),
         "sliding_speeds": [found.sliding.slowest, found.sliding.fastest] if found.sliding else None,
     }
 

@@ -27,8 +27,15 @@ from stickslip_ros.cli.margin import (
     judged,
     refuse_of_a_rigid_contact,
 )
-from stickslip_ros.cli.options import add_flag, add_json, add_number, add_option, refuse_given, refuse_without_effect
-from stickslip_ros.cli.outputs import PICTURE
+from stickslip_ros.cli.options import (
+    PICTURE,
+    add_flag,
+    add_json,
+    add_number,
+    add_option,
+    refuse_given,
+    refuse_without_effect,
+)
 from stickslip_ros.cli.terminal import console_of_text, new_table, working
 from stickslip_ros.cli.trajectory import read_trajectory
 from stickslip_ros.errors import StickSlipError

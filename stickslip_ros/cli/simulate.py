@@ -19,8 +19,14 @@ import numpy as np
 
 from stickslip_ros.bags.simulated import RecordedJoint, write_simulation
 from stickslip_ros.bags.writing import COMPRESSIONS
-from stickslip_ros.cli.options import add_flag, add_number, add_option, refuse_without_effect
-from stickslip_ros.cli.outputs import add_bag_output, refuse_to_overwrite
+from stickslip_ros.cli.options import (
+    add_bag_output,
+    add_flag,
+    add_number,
+    add_option,
+    refuse_to_overwrite,
+    refuse_without_effect,
+)
 from stickslip_ros.cli.terminal import console_of_text, progress_bar
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model.friction import Gains

@@ -13,8 +13,7 @@ import argparse
 import os
 
 from stickslip_ros.cli.margin import add_joint_arguments, joint_from
-from stickslip_ros.cli.options import add_option
-from stickslip_ros.cli.outputs import PICTURE
+from stickslip_ros.cli.options import PICTURE, add_option
 from stickslip_ros.cli.terminal import progress_bar
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.output.plotting import save

@@ -24,6 +24,7 @@ from stickslip_ros.visible import visible
 
 _OF_LAYOUT = "\n"  # by which tables and paragraphs are made
 _ENDLESS = 10_000  # columns: more than any table needs
+COLOURS = {"stick_slip": "red", "at_risk": "yellow", "smooth": "green"}
 _WIDTH = 120  # columns of tables, where no terminal has a width
 
 
@@ -110,6 +111,11 @@ def fitting(
 def number_text(value: float | None, form: str = ".3g", unit: str = "") -> str:
     """A number as tables have it; "-" for none."""
     return "-" if value is None or not math.isfinite(value) else f"{value:{form}}{unit}"
+
+
+def status_text(word: str) -> str:
+    """A status word in its colour."""
+    return f"[{COLOURS.get(word, 'dim')}]{word}[/]"
 
 
 @contextmanager

@@ -31,7 +31,7 @@ from stickslip_ros.errors import InvalidParameterError, StickSlipError, optional
 from stickslip_ros.interrupts import Interrupted
 
 if TYPE_CHECKING:
-    from stickslip_ros.cli.watch_listener import WatchListener
+    from stickslip_ros.cli.monitor_client import WatchListener
 
 _LISTENING = "Listening for a monitor"
 _REFRESH = 0.25  # [s]
@@ -70,7 +70,7 @@ def run(options: argparse.Namespace) -> int:
     else:
         refuse_given(options, _OF_PAGE, "given together with --browser")
     try:
-        from stickslip_ros.cli.watch_listener import WatchListener
+        from stickslip_ros.cli.monitor_client import WatchListener
     except ImportError as error:
         raise StickSlipError(f"watch needs ROS 2 (rclpy): {error}") from error
     try:

@@ -15,8 +15,7 @@ from rclpy.validate_namespace import validate_namespace
 from rclpy.validate_node_name import validate_node_name
 
 from stickslip_ros.errors import InvalidParameterError, StickSlipError
-from stickslip_ros.messages.gain_layouts import why_not_taken
-from stickslip_ros.messages.gain_parameters import joint_and_kind
+from stickslip_ros.messages.gain_parameters import joint_and_kind, why_not_taken
 from stickslip_ros.model._validation import require_positive
 from stickslip_ros.nodes.joints.joint_parameters import Changes, declare_specs, value_of
 from stickslip_ros.nodes.state.state_file import default_path

@@ -15,7 +15,7 @@ from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 
-from stickslip_ros.messages.gain_layouts import some
+from stickslip_ros.messages.gain_parameters import some
 from stickslip_ros.nodes.intake.arrivals import DrainedSubscription
 from stickslip_ros.nodes.intake.publishers import SCAN_EVERY
 from stickslip_ros.visible import visible

@@ -37,8 +37,14 @@ from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.nodes.conversion import friction_message, table
 from stickslip_ros.nodes.joints.watched_joints import WORTH_CHANGING
 from stickslip_ros.nodes.slow_work import Background, SlowWork
-from stickslip_ros.output.compensation import compensation_diagnosis, compensation_question
-from stickslip_ros.output.diagnosis import Diagnosis, cycle_diagnostic, joint_diagnostic, waiting_diagnostic
+from stickslip_ros.output.diagnosis import (
+    Diagnosis,
+    compensation_diagnosis,
+    compensation_question,
+    cycle_diagnostic,
+    joint_diagnostic,
+    waiting_diagnostic,
+)
 from stickslip_ros.output.published import MARGIN_FIELDS, margin_row
 from stickslip_ros.output.stability_map import MapSubject, picture, subject_of
 from stickslip_ros.visible import visible

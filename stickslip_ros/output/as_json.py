@@ -47,10 +47,9 @@ def margin_json(
     exact = exact or verdict(joint, gains, velocity, conditions)
     lowest = float(lowest_smooth_velocity(joint, gains)) if margin.applicable else math.nan
     return {
-        **published.MARGIN.for_json(margin),
-        **published.MARGIN_TERMS.for_json(margin),
+        **published.for_json(margin, published.MARGIN, published.MARGIN_TERMS),
         **published.LOWEST_SMOOTH_VELOCITY.for_json(lowest),
-        "exact": published.EXACT.for_json(exact) | published.RESERVE.for_json(exact),
+        "exact": published.for_json(exact, published.EXACT, published.RESERVE),
     }
 
 
@@ -60,11 +59,10 @@ def recommendation_json(advice: Recommendation, found: Sequence[Sensitivity] = (
     best = obstruction.best if obstruction is not None else None
     return {
         **_variant_json(advice[Kind.LEAST_CHANGE]),
-        **published.ADVICE.for_json(advice),
-        **published.ADVICE_REACHES.for_json(advice),
+        **published.for_json(advice, published.ADVICE, published.ADVICE_REACHES),
         "variants": {variant.kind.value: _variant_json(variant) for variant in advice.variants},
-        "present": None if advice.present is None else _variant_json(advice.present),
-        "by_the_other_condition": None if advice.beside is None else _variant_json(advice.beside),
+        "present": advice.present and _variant_json(advice.present),
+        "by_the_other_condition": advice.beside and _variant_json(advice.beside),
         "obstruction": None
         if obstruction is None
         else {
@@ -136,11 +134,4 @@ def growth_json(estimate: FrictionEstimate, position: float) -> dict[str, Any] |
 
 
 def _variant_json(variant: Variant) -> dict[str, Any]:
-    return {
-        **published.ADVISED_GAINS.for_json(variant),
-        **published.ADVISED_MARGIN.for_json(variant),
-        **published.ADVISED_ANSWERS.for_json(variant),
-        **published.ADVISED_FACTORS.for_json(variant),
-        **published.ADVISED_COST.for_json(variant),
-        "reason": variant.reason,
-    }
+    return {**published.for_json(variant, *published.OF_VARIANT), "reason": variant.reason}

@@ -16,6 +16,10 @@ from stickslip_ros.model.margin import StabilityMargin
 from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.model.units import in_ascii, unit_of
 from stickslip_ros.model.verdict import ExactVerdict
+from stickslip_ros.monitoring.advice.compensations import (
+    CompensatedGains,
+    CompensationQuestion,
+)
 from stickslip_ros.monitoring.advice.limits import Criterion
 from stickslip_ros.monitoring.advice.recommendation import Advice, Kind
 from stickslip_ros.monitoring.advice.sensitivity import in_words
@@ -24,12 +28,20 @@ from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import COULOMB_AND_LOAD, FrictionEstimate
 from stickslip_ros.output import published
-from stickslip_ros.output.wording import constant_effort_text, friction_change_text, kept_gains_text, reason_text
+from stickslip_ros.output.wording import (
+    OUTCOME_TEXTS,
+    angle_text,
+    constant_effort_text,
+    friction_change_text,
+    kept_gains_text,
+    reason_text,
+)
 
 Values = list[tuple[str, object]]  # keys and values
 
 _MOST_KEPT = 1024  # number of lists of values that are kept, 1: some of each of 256 joints
 _ONLY_ABSOLUTE = ("inertia", "coulomb", "load")  # per inertia the slips say nothing of them
+_LEAST_SHARE = 0.1  # of the friction, below which compensation is not worth having
 
 
 class Level(IntEnum):
@@ -312,11 +324,7 @@ def _summary(
 
 def cycle_diagnostic(name: str, cycle: Cycle) -> Diagnosis:
     """One completed cycle."""
-    values = [
-        *published.CYCLE_BEGINS.for_diagnostics(cycle),
-        *published.CYCLE_SIZE.for_diagnostics(cycle),
-        *published.CYCLE_PLACE.for_diagnostics(cycle),
-    ]
+    values = [row for section in published.OF_CYCLE for row in section.for_diagnostics(cycle)]
     message = f"slip of {cycle.slip_distance:.4g} rad after {cycle.dwell:.3g} s at rest"
     return _diagnosis(Level.WARN, name, message, values)
 
@@ -326,3 +334,75 @@ def value_text(value: object) -> str:
     if type(value) is str:
         return value
     return repr(float(value)) if isinstance(value, float) else str(value)
+
+
+def compensation_question(
+    assessment: Assessment, velocity: float, conditions: OperatingConditions
+) -> CompensationQuestion | None:
+    """What is to be answered of a joint at a velocity [rad/s]: with the advised gains, or with the present ones where
+    none are found. None where friction, gains, inertia or advice are not known yet, or the speed is none. Of an unknown
+    Coulomb friction, which is 0, there would be nothing to compensate.
+    """
+    joint, gains, advised = assessment.joint, assessment.margin_gains, assessment.recommended
+    if joint is None or gains is None or advised is None or assessment.per_inertia or not assessment.gains_known:
+        return None
+    if not (math.isfinite(velocity) and velocity != 0.0):
+        return None
+    if advised.found:
+        gains = advised.gains
+    if not float(gains.stiffness) > 0.0 or not float(joint.friction.coulomb) > 0.0:
+        return None
+    resolution = assessment.resolution if math.isfinite(assessment.resolution) else 0.0
+    return CompensationQuestion(
+        joint=joint, gains=gains, velocity=abs(velocity), conditions=conditions, resolution=resolution
+    )
+
+
+def compensation_words(found: tuple[CompensatedGains, ...]) -> str:
+    """What compensation is worth, in one sentence for each kind."""
+    alone = found[0].effect
+    sentences = []
+    for one in found[1:]:
+        name = one.kind.capitalize()
+        if one.share < _LEAST_SHARE:
+            sentences.append(f"{name} of the friction does harm at any share.")
+            continue
+        if one.effect.unstable:
+            sentences.append(f"With {one.kind} the loop is unstable.")
+            continue
+        then = [f"the error where the joint turns round is {angle_text(one.effect.peak_error)}"]
+        if math.isfinite(alone.peak_error):
+            then[0] += f", not {angle_text(alone.peak_error)}"
+        if one.effect.outcome is not alone.outcome and one.effect.outcome is not None:
+            then.append(f"at its speed it {OUTCOME_TEXTS[one.effect.outcome]}")
+        if math.isfinite(one.harmless):
+            then.append(f"it does no harm up to {one.harmless:.1f} times the friction")
+        sentences.append(f"{name} of {100.0 * one.share:.0f} % of the friction: {'; '.join(then)}.")
+    return " ".join(sentences)
+
+
+def compensation_diagnosis(name: str, question: CompensationQuestion, found: tuple[CompensatedGains, ...]) -> Diagnosis:
+    """For the topic: the sentence, and every number; SI units."""
+    values: list[tuple[str, object]] = [
+        ("velocity [rad/s]", question.velocity),
+        ("stiffness [N*m/rad]", float(question.gains.stiffness)),
+        ("damping [N*m*s/rad]", float(question.gains.damping)),
+    ]
+    for one in found:
+        effect, label = one.effect, one.label
+        if one.kind:
+            values += [(f"{label}: share [1]", one.share), (f"{label}: harmless share [1]", one.harmless)]
+        values += [
+            (f"{label}: outcome", "" if effect.outcome is None else effect.outcome.value),
+            (f"{label}: steady error [rad]", effect.steady_error),
+            (f"{label}: swing [rad]", effect.swing),
+            (f"{label}: swing at rest [rad]", effect.standing_swing),
+            (f"{label}: peak error at a reversal [rad]", effect.peak_error),
+        ]
+    return Diagnosis(
+        level=Level.OK,
+        name=f"stickslip: compensation of {name}",
+        hardware_id=name,
+        message=compensation_words(found),
+        values=tuple((key, value_text(value)) for key, value in values),
+    )

@@ -101,6 +101,11 @@ class Section:
         return {row.fleet: None if found is None else found[row.json] for row in self.rows if row.fleet}
 
 
+def for_json(subject: Any, *sections: Section) -> Any:
+    """Sections about one thing as an object for JSON; None without it."""
+    return None if subject is None else {key: one for each in sections for key, one in each.for_json(subject).items()}
+
+
 def number(value: Any) -> float | None:
     """A number that JSON can hold, or None."""
     return float(value) if math.isfinite(float(value)) else None
@@ -362,11 +367,13 @@ SAMPLING = Section(
     lambda known: known.assessment,
     (_row("sample_rate", "Hz", diagnostics="sample rate", fleet="sample_rate"),),
 )
-OF_ADVICE = (ADVICE, ADVICE_REACHES, ADVISED_GAINS, ADVISED_MARGIN, ADVISED_ANSWERS, ADVISED_FACTORS, ADVISED_COST)
+OF_VARIANT = (ADVISED_GAINS, ADVISED_MARGIN, ADVISED_ANSWERS, ADVISED_FACTORS, ADVISED_COST)
+OF_ADVICE = (ADVICE, ADVICE_REACHES, *OF_VARIANT)
+OF_CYCLE = (CYCLE_BEGINS, CYCLE_SIZE, CYCLE_PLACE)
 SECTIONS = (
     STATUS, VELOCITY, MARGIN, MARGIN_TERMS, LOWEST_SMOOTH_VELOCITY, EXACT, RESERVE, GAINS, INTEGRAL_GAIN, UNCERTAINTY,
     EXACT_UNCERTAINTY, BELIEF,
-    *OF_ADVICE, TRIAL_GAINS, TRIAL_MARGIN, TRIAL_EXACT, CYCLES, CYCLE_BEGINS, CYCLE_SIZE, CYCLE_PLACE, REVERSALS,
+    *OF_ADVICE, TRIAL_GAINS, TRIAL_MARGIN, TRIAL_EXACT, CYCLES, *OF_CYCLE, REVERSALS,
     PRESLIDING, POSITION, SAMPLING,
 )  # fmt: skip
 

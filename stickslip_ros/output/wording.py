@@ -39,6 +39,11 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
+def times_text(count: int) -> str:
+    """How often something happened."""
+    return "once" if count == 1 else f"{count} times"
+
+
 def friction_change_text(change: FrictionChange | None) -> str:
     """What changed and when; "" if nothing did."""
     if change is None:

@@ -10,8 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from stickslip_ros.errors import StickSlipError, reason
-from stickslip_ros.messages.gain_layouts import LAYOUT, elsewhere_text, gains_elsewhere, some, why_not_taken
-from stickslip_ros.messages.gain_parameters import joint_and_kind
+from stickslip_ros.messages.gain_parameters import (
+    LAYOUT,
+    elsewhere_text,
+    gains_elsewhere,
+    joint_and_kind,
+    some,
+    why_not_taken,
+)
 from stickslip_ros.regular_files import read_yaml
 from stickslip_ros.settings.known_joints import load_joint
 from stickslip_ros.settings.parameter_names import (

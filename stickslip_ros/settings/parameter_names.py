@@ -6,10 +6,10 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Any
 
-from stickslip_ros.messages.gain_layouts import LAYOUT, gains_elsewhere
-from stickslip_ros.settings.nearest_name import did_you_mean, nearest_name
+from stickslip_ros.messages.gain_parameters import LAYOUT, gains_elsewhere
 from stickslip_ros.settings.parameter_table import COMMON, OF_THE_NODE, PER_JOINT, RECOMMENDED
 
 MONITOR = "stickslip_monitor"
@@ -24,6 +24,7 @@ _SAME_NODE = 0.85  # of difflib's ratio
 _WHOLE = frozenset((*_OF_EVERY_NODE, *(spec.name for spec in (*OF_THE_NODE, *COMMON))))
 _ADVICE = tuple(f"recommended.{{joint}}.{key}" for key in RECOMMENDED)
 _TEMPLATES = (*(spec.name for spec in PER_JOINT), *_ADVICE)
+_ALIKE = 0.7  # of difflib's ratio
 
 
 @dataclass(frozen=True)
@@ -60,11 +61,15 @@ def unknown_name(name: str, joints: Collection[str] | None, where: str = "which 
     if joint:
         if joints is None or joint in joints:
             return None
-        return UnknownName(name, f"{name!r} names the joint {joint!r}, {where}{_instead_of(joint, joints)}", joint)
+        return UnknownName(
+            name, f"{name!r} names the joint {joint!r}, {where}{did_you_mean(nearest_joint(joint, joints))}", joint
+        )
     # Words of the name may be the joint's: the rest can be told from those.
     words = {word for word in name.split(".")[1:2] if word} | set(joints or ())
     known = _WHOLE | {spec.name.format(joint=word) for spec in PER_JOINT for word in words}
-    meant = did_you_mean(name, known) or (f"; of gains, {LAYOUT} are read" if gains_elsewhere([name]) else "")
+    meant = did_you_mean(nearest_name(name, known)) or (
+        f"; of gains, {LAYOUT} are read" if gains_elsewhere([name]) else ""
+    )
     return UnknownName(name, f"parameter {name!r} is not known{meant}")
 
 
@@ -75,11 +80,6 @@ def nearest_joint(joint: str, joints: Iterable[str]) -> str:
 
 def _digits(name: str) -> str:
     return "".join(letter for letter in name if letter.isdigit())
-
-
-def _instead_of(joint: str, joints: Iterable[str]) -> str:
-    near = nearest_joint(joint, joints)
-    return f"; did you mean {near!r}?" if near else ""
 
 
 @dataclass(frozen=True)
@@ -162,3 +162,19 @@ def flat(prefix: str, content: Any) -> Iterable[tuple[str, Any]]:
             yield from flat(f"{prefix}.{key}" if prefix else str(key), value)
     elif prefix:
         yield prefix, content
+
+
+def nearest_name(name: str, known: Iterable[str], similarity: float = _ALIKE) -> str:
+    """The known name that is most like another, "" if none is alike.
+
+    Parameters
+    ----------
+    similarity : the least one as of :class:`difflib.SequenceMatcher`, 0 to 1.
+    """
+    found = get_close_matches(name, sorted(set(known) - {name}), n=1, cutoff=similarity)
+    return found[0] if found else ""
+
+
+def did_you_mean(near: str) -> str:
+    """What to add to a sentence about a name that is not known: the nearest one; "" if that is ""."""
+    return f"; did you mean {near!r}?" if near else ""

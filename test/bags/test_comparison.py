@@ -27,8 +27,8 @@ from stickslip_ros.analysis.comparison import (
     Verdict,
     _error_of_mean,
     compare,
+    sentence,
 )
-from stickslip_ros.analysis.comparison_words import sentence
 from stickslip_ros.bags.simulated import RecordedJoint, write_simulation
 from stickslip_ros.cli.main import main
 from stickslip_ros.model.friction import Gains

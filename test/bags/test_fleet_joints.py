@@ -24,7 +24,7 @@ from stickslip_ros.analysis.fleet_joints import QUANTITIES, fleet_joints, parse_
 from stickslip_ros.analysis.report.fleet_page import sparkline, write_fleet_page
 from stickslip_ros.analysis.trend import DAY, MONTH, Measured, trend
 from stickslip_ros.bags.simulated import write_simulation
-from stickslip_ros.cli.analysis_tables import print_fleet
+from stickslip_ros.cli.analyze import print_fleet
 from stickslip_ros.cli.main import main
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.settings.parameter_file import Parameters

@@ -12,7 +12,7 @@ import pytest
 from support_bags import JOINT_STATE, joint_state, write_mcap
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.messages.gain_layouts import gains_elsewhere, texts_in, why_not_taken
+from stickslip_ros.messages.gain_parameters import gains_elsewhere, texts_in, why_not_taken
 from stickslip_ros.settings.parameter_file import ParameterFileError, Parameters
 
 EFFORT = "arm: {ros__parameters: {command_interfaces: [effort], gains: {a: {p: 630.0, i: 2.0, d: 12.0}}}}\n"

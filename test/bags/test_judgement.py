@@ -17,7 +17,7 @@ from support_bags import JOINT_STATE, KNOWN, WITHOUT_LEARNING, joint_state, stic
 from stickslip_ros.analysis import words
 from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
 from stickslip_ros.analysis.fleet import Answers, BagTask
-from stickslip_ros.analysis.fleet_table import stick_slip_share as share_of_rows
+from stickslip_ros.analysis.fleet_joints import stick_slip_share as share_of_rows
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.analysis.judgement import (
     moving_time,

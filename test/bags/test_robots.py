@@ -28,7 +28,7 @@ from support_bags import (
 from stickslip_ros.analysis.analysis import AnalysisOptions, analyze
 from stickslip_ros.analysis.analysis_json import bag_json
 from stickslip_ros.analysis.fleet import BagTask, answer
-from stickslip_ros.analysis.fleet_table import rows_of
+from stickslip_ros.analysis.fleet_joints import rows_of
 from stickslip_ros.bags.reading import BagReader, GainEvents
 from stickslip_ros.bags.storage.bag import Bag
 from stickslip_ros.bags.table import RecordingError

@@ -19,8 +19,8 @@ from hypothesis import strategies as st
 from support_bags import simulated_bag
 
 from stickslip_ros.cli.main import main
+from stickslip_ros.cli.monitor_client import WatchListener
 from stickslip_ros.cli.terminal import Terminal
-from stickslip_ros.cli.watch_listener import WatchListener
 from stickslip_ros.cli.watch_view import view
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.output.as_json import json_text

@@ -19,7 +19,7 @@ import pytest
 
 from stickslip_ros.bags.simulated import RecordedJoint, write_simulation
 from stickslip_ros.cli.main import build_parser, main
-from stickslip_ros.cli.outputs import OutputFile, output_bag, output_folder
+from stickslip_ros.cli.options import OutputFile, output_bag, output_folder
 from stickslip_ros.settings.known_joints import load_joint
 
 _JOINT = ["--model=puma560_joint1"]

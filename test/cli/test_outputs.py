@@ -15,7 +15,7 @@ from bags.support_bags import simulated_bag, write_mcap
 
 from stickslip_ros.cli import analyze as analyze_command
 from stickslip_ros.cli.main import COMMANDS, build_parser, main
-from stickslip_ros.cli.outputs import OutputFile, output_bag, output_folder
+from stickslip_ros.cli.options import OutputFile, output_bag, output_folder
 from stickslip_ros.files import write_whole
 
 FUNCTIONS = (output_folder, output_bag)

@@ -22,8 +22,7 @@ from bokeh.document import Document
 from conftest import LIMIT, begun
 from nodes.forked_nodes import NodeProcess
 
-from stickslip_ros.cli.live_listener import Snapshot
-from stickslip_ros.cli.live_page import LivePage, advice_text, cycle_duration, joint_table, phase_loop
+from stickslip_ros.cli.live_page import LivePage, Snapshot, advice_text, cycle_duration, joint_table, phase_loop
 from stickslip_ros.cli.main import main
 from stickslip_ros.cli.watch_view import JointView
 from stickslip_ros.model.friction import Friction, Gains, Joint

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from stickslip_ros.analysis import comparison_words
+from stickslip_ros.analysis import comparison as comparisons
 from stickslip_ros.analysis.analysis import AnalysisOptions, BagAnalysis
 from stickslip_ros.analysis.comparison import Comparison, JointComparison
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
@@ -55,7 +55,7 @@ def write_comparison_page(path: Path, comparison: Comparison, options: Sequence[
         names=[Path(bag.path).name for bag in bags],
         joints=comparison.joints,
         overlays=overlays,
-        words=comparison_words,
+        words=comparisons,
         missing=[
             *(f"{name} is in the recording {side} only" for name, side in comparison.alone.items()),
             *(f"before: {text}" for text in comparison.before.warnings),

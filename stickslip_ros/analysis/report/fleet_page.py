@@ -15,8 +15,7 @@ from typing import Any
 from urllib.parse import quote
 
 from stickslip_ros.analysis.fleet import Answer
-from stickslip_ros.analysis.fleet_joints import FleetJoint
-from stickslip_ros.analysis.fleet_table import Row
+from stickslip_ros.analysis.fleet_joints import FleetJoint, Row
 from stickslip_ros.analysis.judgement import NOT_JUDGED
 from stickslip_ros.analysis.report.page import Plot, number_text, percent_text, write_page
 from stickslip_ros.monitoring.detection.status import Status

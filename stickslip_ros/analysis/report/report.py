@@ -20,7 +20,7 @@ from stickslip_ros.model.friction import JOINT_PARAMETERS, Gains
 from stickslip_ros.model.units import unit_of
 from stickslip_ros.monitoring.advice.compensations import CompensatedGains, compensation_advice
 from stickslip_ros.monitoring.detection.status import Status
-from stickslip_ros.output.compensation import compensation_question, compensation_words
+from stickslip_ros.output.diagnosis import compensation_question, compensation_words
 
 _MOST_SECTIONS = 12
 _FEW_JOINTS = 2

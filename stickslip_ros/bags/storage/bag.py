@@ -1,31 +1,42 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""A bag: one file, or a rosbag2 directory of several, of whatever storage and compression."""
+"""A bag: one file, a rosbag2 directory of several, or an episode of a LeRobot data set; messages of other encodings
+(ROS 1, JSON) become those of ROS 2, so that whoever reads a bag sees one encoding.
+"""
 
 from __future__ import annotations
 
+import heapq
+import json
+import math
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from stickslip_ros.bags.decoding import types_of, types_of_ros
 from stickslip_ros.bags.lerobot import episode_of, files_of_episode, is_data_set, name_an_episode
 from stickslip_ros.bags.storage.bag_file import BagFile
-from stickslip_ros.bags.storage.episode import EpisodeStorage
 from stickslip_ros.bags.storage.formats import FORMATS, METADATA, format_of, is_bag_file
-from stickslip_ros.bags.storage.transcoding import Transcode, transcoded
 from stickslip_ros.bags.storage.unpacking import Allowance, UnpackLimit
-from stickslip_ros.bags.table import RecordingError
+from stickslip_ros.bags.table import RecordingError, load_table
 from stickslip_ros.bags.table_files import SUFFIXES as TABLES
+from stickslip_ros.bags.topics import READ_TYPES
+from stickslip_ros.bags.writing import joint_state_streams
 from stickslip_ros.errors import needs, optional_packages, reason
-from stickslip_ros.messages.joint_states import Block, Channel, MessageError, Storage, blocks_of
+from stickslip_ros.messages.joint_states import TYPE as JOINT_STATE
+from stickslip_ros.messages.joint_states import Block, Channel, MessageError, Storage, Warn, blocks_of
 from stickslip_ros.regular_files import read_yaml
 
 _ANY = " or ".join((", ".join(one.suffix for one in FORMATS[:-1]), FORMATS[-1].suffix))
+_Transcode = Callable[[bytes], bytes]
+_OTHER_NAMES = {"nanosec": "nsec"}  # as Foxglove has it
+_FIRST_STAMP = 1.0  # [s] of a recording whose times begin at zero: a stamp of zero means that there is none
 
 
 class Bag:
@@ -52,8 +63,8 @@ class Bag:
             self._storages = self._open()
             # Each channel as ROS 2 has it, and what makes its messages so.
             with optional_packages(f"bag {self.path}: its encoding"):
-                self._transcoded: dict[Channel, tuple[Channel, Transcode | None]] = {
-                    channel: transcoded(channel) for _, _, channels in self._storages for channel in channels
+                self._transcoded: dict[Channel, tuple[Channel, _Transcode | None]] = {
+                    channel: _transcoded(channel) for _, _, channels in self._storages for channel in channels
                 }
         except BaseException:
             self._stack.close()
@@ -91,7 +102,7 @@ class Bag:
     def _open(self) -> list[tuple[Path, Storage, dict[Channel, int]]]:
         try:
             if episode_of(self.path) is not None:
-                episode = EpisodeStorage(self.path, self._limit, self.warnings.append)
+                episode = _EpisodeStorage(self.path, self._limit, self.warnings.append)
                 return [(files_of_episode(self.path)[0], episode, episode.channels())]
             if is_data_set(self.path):
                 raise RecordingError(f"bag {self.path}: {name_an_episode(self.path)}")
@@ -178,3 +189,106 @@ class Bag:
         channels = {number: channel for number, (channel, _) in made.items()}
         yield from blocks_of(messages(), channels)
         self.warnings += [f"{count} messages {what}" for what, count in broken.items()]
+
+
+def _transcoded(channel: Channel) -> tuple[Channel, _Transcode | None]:
+    """A channel as ROS 2 has it, and what makes its messages of it; the channel itself and None if it is so, or of an
+    encoding that is not known.
+    """
+    kind = _of_ros2(channel.type)
+    if channel.encoding not in _ENCODINGS or kind not in READ_TYPES:
+        return channel, None
+    types, to_cdr = _ENCODINGS[channel.encoding]
+    store = types(kind, channel.schema)
+    if store is None or kind not in store.fielddefs:
+        return channel, None
+    try:
+        schema = store.generate_msgdef(kind, ros_version=2)[0]
+    except Exception:
+        # It names a type that it does not define: what the generator raises then cannot be listed.
+        return channel, None
+    found = replace(channel, type=kind, encoding="cdr", schema_encoding="ros2msg", schema=schema)
+
+    def transcode(message: bytes) -> bytes:
+        try:
+            return bytes(to_cdr(store, kind, message))
+        except Exception as error:
+            # What damaged bytes make generated code raise cannot be listed.
+            raise MessageError(f"it is no {kind} in {channel.encoding}") from error
+
+    return found, transcode
+
+
+def _of_ros2(kind: str) -> str:
+    """sensor_msgs/JointState, sensor_msgs.msg.JointState: as ROS 2 writes a type."""
+    parts = kind.replace(".", "/").split("/")
+    return "/".join((parts[0], "msg", parts[-1])) if len(parts) in (2, 3) else kind
+
+
+def _made(store: Any, kind: str, values: Any) -> Any:
+    """An object of a type, of what JSON has of it; what is missing is zero or empty."""
+    if not isinstance(values, dict):
+        raise MessageError(f"{kind} must be an object of JSON")
+    fields = {}
+    for name, description in store.fielddefs[kind][1]:
+        value = values.get(name, values.get(_OTHER_NAMES.get(name, name)))
+        fields[name] = _value(store, description, value)
+    return store.types[kind](**fields)
+
+
+def _value(store: Any, description: tuple[Any, Any], value: Any) -> Any:
+    sort, of = description
+    if sort.name == "NAME":
+        return _made(store, of, {} if value is None else value)
+    if sort.name == "BASE":
+        return _number(of[0], value)
+    (element, name), _ = of
+    listed = [] if value is None else list(value)
+    if element.name == "NAME":
+        return [_made(store, name, one) for one in listed]
+    if name[0] == "string":
+        return [str(one) for one in listed]
+    return np.array([_number(name[0], one) for one in listed], dtype=np.dtype(name[0]))
+
+
+def _number(name: str, value: Any) -> Any:
+    if name == "string":
+        return "" if value is None else str(value)
+    if name.startswith("float"):
+        # JSON has no NaN but null.
+        return math.nan if value is None else float(value)
+    return bool(value) if name == "bool" else int(value or 0)
+
+
+# Of each encoding the types, and what makes a message one of ROS 2. JSON's schemas do not say which integers and floats
+# are meant: the types are ROS 2's own.
+_ENCODINGS: dict[str, tuple[Callable[[str, str], Any], Callable[[Any, str, bytes], Any]]] = {
+    "ros1": (
+        lambda kind, schema: types_of(kind, "ros1msg", schema),
+        lambda store, kind, message: store.ros1_to_cdr(message, kind),
+    ),
+    "json": (
+        lambda _, __: types_of_ros(),
+        lambda store, kind, message: store.serialize_cdr(_made(store, kind, json.loads(message)), kind),
+    ),
+}
+
+
+class _EpisodeStorage:
+    """One episode of a LeRobot data set; see :class:`~stickslip_ros.messages.joint_states.Storage`."""
+
+    def __init__(self, path: Path, limit: UnpackLimit, warn: Warn) -> None:
+        table = load_table(path, limit=limit)
+        for note in table.notes:
+            warn(note)
+        _, streams = joint_state_streams(table.batches, _FIRST_STAMP)
+        self._messages = {Channel(topic=topic, type=JOINT_STATE): list(stream) for topic, stream in streams.items()}
+
+    def channels(self) -> dict[Channel, int]:
+        return {channel: len(messages) for channel, messages in self._messages.items()}
+
+    def blocks(self, wanted: set[Channel], progress: Callable[[int], None]) -> Iterator[Block]:
+        chosen = [channel for channel in self._messages if channel in wanted]
+        numbers = {channel.topic: number for number, channel in enumerate(chosen)}
+        merged = heapq.merge(*(self._messages[channel] for channel in chosen), key=lambda one: one[0])
+        yield from blocks_of(((numbers[topic], time, data) for time, topic, data in merged), dict(enumerate(chosen)))

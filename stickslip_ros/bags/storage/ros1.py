@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""Bag files of ROS 1, as blocks of messages; the package rosbags reads them, `transcoding.py` makes them ROS 2's."""
+"""Bag files of ROS 1, as blocks of messages; the package rosbags reads them, `bag.py` makes them ROS 2's."""
 
 from __future__ import annotations
 

@@ -15,8 +15,18 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, qos_profile_parameter_events
 from std_msgs.msg import Float64MultiArray
 
-from stickslip_ros.messages.gain_layouts import INTERFACES, elsewhere_text, gains_elsewhere, some, why_not_taken
-from stickslip_ros.messages.gain_parameters import KINDS, HeardGains, gain_name, gain_value, joint_and_kind
+from stickslip_ros.messages.gain_parameters import (
+    INTERFACES,
+    KINDS,
+    HeardGains,
+    elsewhere_text,
+    gain_name,
+    gain_value,
+    gains_elsewhere,
+    joint_and_kind,
+    some,
+    why_not_taken,
+)
 from stickslip_ros.messages.joint_states import MessageError, gains_from_message
 from stickslip_ros.model.bounds import LARGEST
 from stickslip_ros.model.friction import Gains

@@ -13,7 +13,7 @@ from pathlib import Path
 from rclpy.node import Node
 
 from stickslip_ros.errors import reason
-from stickslip_ros.messages.gain_layouts import gains_elsewhere
+from stickslip_ros.messages.gain_parameters import gains_elsewhere
 from stickslip_ros.messages.joint_states import TYPE
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.nodes.gains.gain_intake import PD_GAINS, GainIntake
@@ -28,11 +28,12 @@ from stickslip_ros.nodes.intake.publishers import NAMED, SCAN_EVERY, is_named, n
 from stickslip_ros.nodes.joints.watched_joints import WatchedJoint, WatchedJoints
 from stickslip_ros.output.wording import references_off_text
 from stickslip_ros.regular_files import read_yaml
-from stickslip_ros.settings.nearest_name import did_you_mean, nearest_name
 from stickslip_ros.settings.parameter_names import (
     FileSection,
     UnknownName,
+    did_you_mean,
     misnamed_sections,
+    nearest_name,
     sections_of,
     unknown_name,
 )
@@ -103,7 +104,7 @@ class UnknownParameters:
             if name.startswith(_QOS):
                 known = [f"{_QOS}{key}" for key in self._node.get_parameters_by_prefix(_QOS.rstrip("."))]
                 found = None if name in known else UnknownName(
-                    name, f"parameter {name!r} is not known{did_you_mean(name, known)}"
+                    name, f"parameter {name!r} is not known{did_you_mean(nearest_name(name, known))}"
                 )  # fmt: skip
             elif self._node.has_parameter(name) and not name.startswith("recommended."):
                 found = None
