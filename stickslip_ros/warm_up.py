@@ -90,8 +90,9 @@ def _use_verdict() -> None:
 
 def _use_simulation() -> None:
     from stickslip_ros.model.joint_simulation import simulate
+    from stickslip_ros.monitoring.friction.bristles import bristle_fits
     from stickslip_ros.monitoring.friction.slip_data import SlipData
-    from stickslip_ros.monitoring.friction.slip_fit import Tolerances, fit_at_fixed_parameters
+    from stickslip_ros.monitoring.friction.slip_fit import Prior, Tolerances, fit_slips
     from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
     from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
 
@@ -104,11 +105,12 @@ def _use_simulation() -> None:
         observed=np.arange(6, 15), values=np.linspace(0.0, 1.0, 9), gaps=np.full(9, 0.01), resolution=0.1, noise=0.0,
         sample_interval=0.01,
     )  # fmt: skip
-    data = SlipData([window])
-    fit_at_fixed_parameters(
-        SlipProblem(data), Tolerances(), parameters=np.zeros(PARAMETERS), kinetic=np.zeros(1),
-        unknowns=data.detected(1.0), iterations=1, scored=True,
+    data, zeros = SlipData([window]), np.zeros(PARAMETERS)
+    fit_slips(
+        SlipProblem(data), Prior.of(zeros, zeros + 1.0, zeros - 1.0, zeros + 1.0), Tolerances(),
+        parameters=zeros, unknowns=data.detected(1.0), iterations=1, scored=True,
     )  # fmt: skip
+    bristle_fits([window] * 4)
 
 
 def _example() -> tuple[Joint, Gains]:
