@@ -49,6 +49,7 @@ class Part:
 
 def _use_detection() -> None:
     from stickslip_ros.monitoring.assessment import MonitorOptions
+    from stickslip_ros.monitoring.detection.motion import MotionRecord
     from stickslip_ros.monitoring.joint_monitor import JointMonitor
     from stickslip_ros.monitoring.samples import Batch
 
@@ -59,6 +60,7 @@ def _use_detection() -> None:
     monitor.process(Batch(time=time, position=position, reference_position=position))
     monitor.assessment()
     monitor.finish()
+    MotionRecord().did_not_rest()
 
 
 def _use_messages() -> None:

@@ -158,19 +158,27 @@ def test_it_is_done_once(compiled: Path) -> None:
 
 # Kernels, and the types for which they are compiled, before and after commands.
 COMPARED = """
-import gc, json, sys
+import gc, importlib, json, pkgutil, sys
 from numba.core.dispatcher import Dispatcher
+import stickslip_ros
 from stickslip_ros.cli.main import main
 from stickslip_ros.warm_up import PARTS
 
-def kernels():
-    ours = [one for one in gc.get_objects() if isinstance(one, Dispatcher) and one.stats.cache_path]
-    return {f"{one.py_func.__qualname__}{types}" for one in ours for types in one.signatures}
+def ours():
+    return [one for one in gc.get_objects() if isinstance(one, Dispatcher) and one.stats.cache_path]
 
+def kernels():
+    return {f"{one.py_func.__qualname__}{types}" for one in ours() for types in one.signatures}
+
+for module in pkgutil.walk_packages(stickslip_ros.__path__, "stickslip_ros."):
+    if module.name.endswith("_kernel"):
+        importlib.import_module(module.name)
 for part in PARTS.values():
     part.use()
 before = kernels()
 assert len(before) > 20, before
+left = [one.py_func.__qualname__ for one in ours() if not one.signatures]
+assert not left, left
 for command in json.loads(sys.argv[1]):
     assert main(command) == 0, command
 assert kernels() == before, kernels() - before

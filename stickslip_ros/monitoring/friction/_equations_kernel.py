@@ -67,6 +67,40 @@ def _weight(residual):
     return 1.0 if size <= HUBER else HUBER / size
 
 
+@helper()
+def _solve_band(band, right):
+    """Solve, in place, equations of whose positive definite matrix ``band`` has the lower diagonals, (width, n).
+
+    ``right`` of shape (n, k) becomes the solutions, ``band`` the root. False if the matrix is not positive definite.
+    """
+    width, size = band.shape
+    for i in range(size):
+        for back in range(min(i, width - 1), -1, -1):
+            j = i - back
+            total = band[back, j]
+            for k in range(max(0, i - width + 1), j):
+                total -= band[i - k, k] * band[j - k, k]
+            if back > 0:
+                band[back, j] = total / band[0, j]
+            elif total > 0.0 and total < np.inf:
+                band[0, i] = math.sqrt(total)
+            else:
+                return False
+    for i in range(size):
+        for back in range(1, min(i, width - 1) + 1):
+            for c in range(right.shape[1]):
+                right[i, c] -= band[back, i - back] * right[i - back, c]
+        for c in range(right.shape[1]):
+            right[i, c] /= band[0, i]
+    for i in range(size - 1, -1, -1):
+        for ahead in range(1, min(size - 1 - i, width - 1) + 1):
+            for c in range(right.shape[1]):
+                right[i, c] -= band[ahead, i] * right[i + ahead, c]
+        for c in range(right.shape[1]):
+            right[i, c] /= band[0, i]
+    return True
+
+
 @compiled(nogil=True)
 def measure(
     parameters, unknowns, kinetic, positions, found, before, slips, balance, targets, scale, observed, residuals,
@@ -248,40 +282,6 @@ def collect(
 
 
 @compiled(nogil=True)
-def solve_band(band, right):
-    """Solve, in place, equations of whose positive definite matrix ``band`` has the lower diagonals, (width, n).
-
-    ``right`` of shape (n, k) becomes the solutions, ``band`` the root. False if the matrix is not positive definite.
-    """
-    width, size = band.shape
-    for i in range(size):
-        for back in range(min(i, width - 1), -1, -1):
-            j = i - back
-            total = band[back, j]
-            for k in range(max(0, i - width + 1), j):
-                total -= band[i - k, k] * band[j - k, k]
-            if back > 0:
-                band[back, j] = total / band[0, j]
-            elif total > 0.0 and total < np.inf:
-                band[0, i] = math.sqrt(total)
-            else:
-                return False
-    for i in range(size):
-        for back in range(1, min(i, width - 1) + 1):
-            for c in range(right.shape[1]):
-                right[i, c] -= band[back, i - back] * right[i - back, c]
-        for c in range(right.shape[1]):
-            right[i, c] /= band[0, i]
-    for i in range(size - 1, -1, -1):
-        for ahead in range(1, min(size - 1 - i, width - 1) + 1):
-            for c in range(right.shape[1]):
-                right[i, c] -= band[ahead, i] * right[i + ahead, c]
-        for c in range(right.shape[1]):
-            right[i, c] /= band[0, i]
-    return True
-
-
-@compiled(nogil=True)
 def eliminate(matrix, gradient, mixed, band, slope, damping):
     """Eliminate the slips' unknowns from the equations of :func:`collect`, the diagonal of their part damped.
 
@@ -294,7 +294,7 @@ def eliminate(matrix, gradient, mixed, band, slope, damping):
     solved[:, :columns] = mixed
     solved[:, columns] = slope
     reduced, left = matrix.copy(), gradient.copy()
-    definite = solve_band(root, solved)
+    definite = _solve_band(root, solved)
     for m in range(size):
         for i in range(columns):
             # Unknowns of a slip have no part in many of the columns.
@@ -338,7 +338,7 @@ def damped_step(
             right[i, 0] = left[free[i]]
             for j in range(i + 1):
                 every[i - j, j] = full[free[i], free[j]]
-        if not solve_band(every, right):
+        if not _solve_band(every, right):
             return False, step, own
         step[:] = 0.0
         for i in range(count):
@@ -380,7 +380,7 @@ def fill_kinetic(balance, usable, target, kinetic):
                     band[i - j, j] += weighted * balance[n, j]
         # Of a speed at which no slip is usable nothing is known.
         band[0] += _LEAST_KINETIC * band[0].sum()
-        if not solve_band(band, right):
+        if not _solve_band(band, right):
             return False
         for i in range(size):
             kinetic[i] = right[i, 0]
