@@ -107,6 +107,7 @@ def test_slips_that_begin_slowly_are_fitted(puma: Joint) -> None:
         assert sticks(machine, tried, 0.005) is (expected == 1.0)
 
 
+@pytest.mark.nightly
 def test_a_load_is_distinguished_to_and_fro(puma: Joint) -> None:
     """Slips of both directions separate it from the Coulomb friction."""
     directions = np.where(np.arange(30_000) // 5000 % 2 == 0, 1.0, -1.0)

@@ -137,6 +137,7 @@ def test_the_way_of_a_sample_is_the_one_that_is_drawn(ros_domain: int) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_the_way_of_a_sample_in_steady_motion(ros_domain: int) -> None:
     """Issue 40, item 1: its damping reserve is looked at besides."""
     sample, slips = _ways(0.1)
