@@ -101,6 +101,35 @@ def _solve_band(band, right):
     return True
 
 
+@helper()
+def _solve(matrix, right):
+    """Solve, in place, equations of a full matrix, by elimination with pivots; False if it is singular.
+
+    In long valleys a matrix is positive definite but for its rounding.
+    """
+    size = len(right)
+    for k in range(size):
+        pivot = k
+        for i in range(k + 1, size):
+            if abs(matrix[i, k]) > abs(matrix[pivot, k]):
+                pivot = i
+        if not 0.0 < abs(matrix[pivot, k]) < np.inf:
+            return False
+        for j in range(k, size):
+            matrix[k, j], matrix[pivot, j] = matrix[pivot, j], matrix[k, j]
+        right[k], right[pivot] = right[pivot], right[k]
+        for i in range(k + 1, size):
+            factor = matrix[i, k] / matrix[k, k]
+            for j in range(k + 1, size):
+                matrix[i, j] -= factor * matrix[k, j]
+            right[i] -= factor * right[k]
+    for k in range(size - 1, -1, -1):
+        for j in range(k + 1, size):
+            right[k] -= matrix[k, j] * right[j]
+        right[k] /= matrix[k, k]
+    return True
+
+
 @compiled(nogil=True)
 def measure(
     parameters, unknowns, kinetic, positions, found, before, slips, balance, targets, scale, observed, residuals,
@@ -331,18 +360,17 @@ def damped_step(
         full[i, i] += damping * full[i, i] + _LEAST * trace
     free = np.arange(size)
     while True:
-        # A full matrix is a band of all its diagonals.
         count = len(free)
-        every, right = np.zeros((count, count)), np.empty((count, 1))
+        part, right = np.empty((count, count)), np.empty(count)
         for i in range(count):
-            right[i, 0] = left[free[i]]
-            for j in range(i + 1):
-                every[i - j, j] = full[free[i], free[j]]
-        if not _solve_band(every, right):
+            right[i] = left[free[i]]
+            for j in range(count):
+                part[i, j] = full[free[i], free[j]]
+        if not _solve(part, right):
             return False, step, own
         step[:] = 0.0
         for i in range(count):
-            step[free[i]] = right[i, 0]
+            step[free[i]] = right[i]
         stays = np.zeros(size, dtype=np.bool_)
         for k in range(shared):
             stays[k] = (parameters[k] <= lower[k] and step[k] < 0.0) or (parameters[k] >= upper[k] and step[k] > 0.0)
@@ -371,19 +399,20 @@ def fill_kinetic(balance, usable, target, kinetic):
     count, size = balance.shape
     weights, misfits = usable.astype(np.float64), np.empty(count)
     for _ in range(_REWEIGHTINGS):
-        band, right = np.zeros((size, size)), np.zeros((size, 1))
+        products = np.zeros((size, size))
+        kinetic[:] = 0.0
         for n in range(count):
             for i in range(size):
                 weighted = weights[n] * balance[n, i]
-                right[i, 0] += weighted * target[n]
-                for j in range(i + 1):
-                    band[i - j, j] += weighted * balance[n, j]
+                kinetic[i] += weighted * target[n]
+                for j in range(size):
+                    products[i, j] += weighted * balance[n, j]
         # Of a speed at which no slip is usable nothing is known.
-        band[0] += _LEAST_KINETIC * band[0].sum()
-        if not _solve_band(band, right):
-            return False
+        trace = np.trace(products)
         for i in range(size):
-            kinetic[i] = right[i, 0]
+            products[i, i] += _LEAST_KINETIC * trace
+        if not _solve(products, kinetic):
+            return False
         for n in range(count):
             misfit = target[n]
             for i in range(size):
