@@ -46,7 +46,6 @@ quick: $(STAMP)
 quick_tests: WORKERS := auto
 quick_tests: $(STAMP)
 	-@$(WARM)
-	-@$(REWRITTEN)
 	$(BIN)/python -m pytest $(SIDE_BY_SIDE) --quick $(TESTS)
 
 check: $(STAMP)

@@ -90,8 +90,8 @@ def stuck(segments: Sequence[Segment]) -> Stuck | None:
     """How long the joint was stuck in all, see the module; None if it was not."""
     stands = []
     for number, one in enumerate(segments):
-        sides = [other.velocity for other in segments[max(number - 1, 0) : number + 2 : 2]] if number else []
-        turns = len(sides) == 2 and sides[0] * sides[1] < 0.0
+        between = 0 < number < len(segments) - 1
+        turns = between and segments[number - 1].velocity * segments[number + 1].velocity < 0.0
         time = min(one.stuck, one.end - one.start)
         if one.status is Status.AT_REST and time >= _LEAST_TIME and not turns:
             stands.append((time, one.travel))

@@ -73,7 +73,7 @@ class _Path:
 
     @staticmethod
     def of(steps: Sequence[Step], position: float, begin: float) -> _Path:
-        """_Path of the steps from a position, after a rest of ``begin`` seconds."""
+        """Path of the steps from a position, after a rest of ``begin`` seconds."""
         durations = np.array([begin, *(step.duration for step in steps)])
         ways = np.array([0.0, *(step.velocity * step.duration for step in steps)])
         return _Path(np.cumsum(durations), position + np.cumsum(ways))

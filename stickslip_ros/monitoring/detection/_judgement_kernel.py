@@ -135,16 +135,15 @@ def errors(since, motion):
 
 
 @helper()
-def last_crossing_time(detector):
-    """Time of the latest crossing [s]; -inf before any."""
-    head = detector.head
-    return detector.crossings[(head - 1) % kernel.RING, kernel.TIME] if head else -np.inf
-
-
-@helper()
 def _crossing_time(back, detector):
     """Time of a crossing counted from the latest one, which is the first [s]."""
     return detector.crossings[(detector.head - back) % kernel.RING, kernel.TIME]
+
+
+@helper()
+def last_crossing_time(detector):
+    """Time of the latest crossing [s]; -inf before any."""
+    return _crossing_time(1, detector) if detector.head else -np.inf
 
 
 @helper()

@@ -4,8 +4,7 @@
 
 Not every rest is a stick: a joint also stops where it is told to. With a reference, a rest is a stick if the
 reference went on steadily meanwhile, and a slip is a burst faster than the reference. Swings to and fro about a
-reference that stands, or goes on evenly, are hunting. Without a reference
-:class:`.SpringEvidence` decides.
+reference that stands, or goes on evenly, are hunting. Without a reference :class:`.SpringEvidence` decides.
 
 Every decision rests on the motions beside it: on the rests before and after a motion, on the motion before that, and
 on the cycles that follow one another without a break, the train. Nothing older has a say.
