@@ -41,7 +41,7 @@ INERTIA, VISCOUS, STRIBECK_VELOCITY, LAG, STRIBECK, RISE_TIME = range(6)
 # Columns of a slip's start.
 POSITION, BREAKAWAY, LEVEL = range(3)
 # Columns of what is found of a slip: the force on the joint at breakaway in the slip's direction, when and where
-# it ends, the factor by which the Stribeck friction is less there than at breakaway, and whether it went on again.
+# it ends, the factor by which the Stribeck friction is less there than at breakaway, and how often it went on again.
 HOLDING_FORCE, ARREST, ARREST_POSITION, STRIBECK_FRACTION, WENT_ON = range(5)
 FOUND_COLUMNS = WENT_ON + 1
 COMPLIANCE, DAMPING = range(2)  # columns of a contact
@@ -405,7 +405,7 @@ def simulate_windows(
                     positions_at[i], velocities_at[i] = rest + softness * (drive_at[i] - direction * stopped), 0.0
                 if math.isinf(begin):
                     break
-                found[variant, n, WENT_ON] = 1.0
+                found[variant, n, WENT_ON] += 1.0
                 level_now = _risen_level(level_now, plant[STRIBECK], begin - arrest, plant[RISE_TIME])
                 drive = direction * _at(begin, node, times, drive_at)
                 surplus = drive - holding - level_now

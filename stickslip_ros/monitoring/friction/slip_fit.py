@@ -193,7 +193,7 @@ class _Fit:
             parameters=parameters,
             unknowns=unknowns,
             kinetic=kinetic,
-            residuals=observed,
+            residuals=np.clip(observed, -LARGEST_RESIDUAL, LARGEST_RESIDUAL),
             misfits=found[:, HOLDING_FORCE] - np.exp(unknowns[:, LEVEL]) - problem.balance @ kinetic,
             link_misfits=unknowns[:, LEVEL] - ties[:, kernel.EXPECTED],
             balance=balance,
@@ -227,6 +227,13 @@ class _Fit:
         for row, k in ((-2, BREAKAWAY), (-1, LEVEL)):
             unknowns[row, :, k] += steps[row]
         positions, _, found = problem.simulate_variants(parameters, unknowns)
+        # Where a slip goes on that did not, or no longer does, it changes at once: its slope is that of the other side.
+        crossed = found[:, :, WENT_ON] != point.found[:, WENT_ON]
+        if crossed.any():
+            back = problem.simulate_variants(2.0 * point.parameters - parameters, 2.0 * point.unknowns - unknowns)
+            positions = np.where(crossed[:, data.slip_of_node], back[0], positions)
+            found = np.where(crossed[:, :, None], back[2], found)
+            steps[crossed] *= -1.0
         is_active = np.zeros(len(point.parameters), dtype=bool)
         is_active[list(active)] = True
         new = _Equations(

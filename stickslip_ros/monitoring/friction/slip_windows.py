@@ -31,7 +31,7 @@ _EARLY = 0.4  # early part of a rest, of what is seen of it
 _LEAST_STANDING = 0.02  # time at rest, of the slip: a joint that stands for less creeps from its arrest on
 _LEAST_OBSERVATIONS = 5  # observations of a slip or samples of a rest, 1: at least
 _ANALOG = 0.5  # noise, of a resolution: with more the counts say nothing of their own
-_EFFORT_SMOOTHING = 1.0 / 12.0  # span over which the effort is smoothed, of the slip
+_FEWEST_PIECES, _MOST_PIECES = 4, 64  # pieces of the spline through the effort around a slip, 1
 _EVEN = 0.02  # mean deviation of sample intervals, of their mean: stamps with less jitter count as even
 _STEP = 0.4  # change of the reference's speed from sample to sample, of all its changes in a slip: more is a step
 _LINE_REACH = 4  # samples on either side of a local line, 1
@@ -196,7 +196,7 @@ def slip_window(
     stop = max(int(np.searchsorted(part.time, cycle.arrest + _OF_DWELL * (end - cycle.arrest))), int(indices[-1]) + 1)
     stop = min(stop, len(part) - 1)
     shown = _effort_stiffness(samples.where(resting))
-    source, in_force, forces = _forces(samples, part, resting, gains, duration, resolution, shown)
+    source, in_force, forces = _forces(samples, part, resting, gains, resolution, shown)
     known = np.isfinite(part.reference_position).all()
     references = _reference(part) if known else np.zeros(len(part))
     # Between nodes the reference is a line: where its speed changes at once, samples in a row are nodes.
@@ -273,7 +273,6 @@ def _forces(
     part: Batch,
     resting: slice,
     gains: Gains | None,
-    duration: float,
     resolution: float,
     shown: tuple[float, ...],
 ) -> tuple[ForceSource, Gains | None, FloatArray]:
@@ -291,26 +290,30 @@ def _forces(
             none += _feed_forward(samples.where(resting), gains, resolution)
         return ForceSource.GAINS, gains, none
     if effort_known:
-        interval = float(np.median(np.diff(part.time)))
-        reach = min(round(0.5 * _EFFORT_SMOOTHING * duration / interval), len(part) - 1)
-        padded = np.pad(part.effort, reach, mode="reflect", reflect_type="odd")
-        return (
-            ForceSource.EFFORT,
-            replace(gains, stiffness=0.0, damping=0.0) if gains is not None else Gains(stiffness=0.0),
-            np.convolve(padded, _parabola(reach), mode="valid"),
-        )
+        in_force = replace(gains, stiffness=0.0, damping=0.0) if gains is not None else Gains(stiffness=0.0)
+        return ForceSource.EFFORT, in_force, _without_noise(part.time, part.effort)
     return ForceSource.SPEED, gains, none
 
 
-def _parabola(reach: int) -> FloatArray:
-    """Weights of samples that make the middle one that of a parabola through them (Savitzky and Golay), (2 reach + 1,).
+def _without_noise(times: FloatArray, values: FloatArray) -> FloatArray:
+    """Samples on the cubic spline through them whose number of pieces makes generalised cross-validation least.
 
-    A mean would make less of what bends, as the force does in a slip.
+    With the noise of its samples a force leads a fit nowhere: what holds the joint at its breakaway would have a valley
+    at every sample. Source: P. Craven, G. Wahba, "Smoothing noisy data with spline functions" (1979).
     """
-    offsets = np.arange(-reach, reach + 1.0)
-    if reach < 1:
-        return np.ones(1)
-    return np.asarray(np.linalg.pinv(np.stack([np.ones_like(offsets), offsets, offsets**2], axis=1))[0])
+    from scipy.interpolate import make_lsq_spline
+
+    best, least, pieces = values, math.inf, _FEWEST_PIECES
+    while pieces <= _MOST_PIECES and 2 * (pieces + 3) < len(times):
+        # Each piece has as many samples.
+        inner = times[np.round(np.linspace(0, len(times) - 1, pieces + 1)).astype(int)[1:-1]]
+        spline = make_lsq_spline(times, values, np.concatenate([[times[0]] * 4, inner, [times[-1]] * 4]))
+        smooth = spline(times)
+        score = float(np.sum((values - smooth) ** 2)) / (len(times) - pieces - 3) ** 2
+        if score < least:
+            best, least = smooth, score
+        pieces *= 2
+    return best
 
 
 def _reference(part: Batch) -> FloatArray:
