@@ -595,6 +595,17 @@ def test_a_reference_in_steps_does_not_excuse_a_speed_that_falls() -> None:
     assert spent(segments, Status.SMOOTH) > 0.8 * time[-1]
 
 
+@pytest.mark.parametrize("samples", [7.3, 9.1])
+def test_a_few_samples_of_each_cycle_show_that_a_joint_nearly_stops(samples: float) -> None:
+    """At 20 Hz there were too few cycles in the motion that was searched for dips: it was `smooth` throughout."""
+    time = np.arange(0.0, 30.0, 0.05)
+    rhythm = 2.0 * math.pi * 20.0 / samples
+    _, segments, _ = watch(Batch(time=time, position=rounded(0.002 * (time + np.sin(rhythm * time) / rhythm), 1e-6)))
+    assert spent(segments, Status.SMOOTH) < 0.1 * time[-1]
+    _, segments, _ = watch(Batch(time=time, position=rounded(0.002 * time, 1e-6)))
+    assert spent(segments, Status.SMOOTH) > 0.8 * time[-1]
+
+
 def test_a_joint_that_stops_every_25_counts_is_not_smooth_in_between() -> None:
     """How deep a dip seems depends on where the counts fall: statuses changed to and fro, 12 s of 20 `smooth`."""
     time, count, smooth = np.arange(0.0, 20.0, 0.002), 4e-4, 0.0

@@ -112,6 +112,7 @@ _AGAIN = 5  # dips in the motion that is judged, 1: faster than a person moves, 
 LEAST_READINGS = 20.0  # readings in the motion that is judged, 1: stick-slip has up to 10 cycles a second
 _START = 0.25  # start from rest or from a turn, of the motion needed: it is no dip
 _LEAST_CROSSINGS = 20  # crossings in the motion that is searched for dips and steps, 1: at least
+_SAMPLES_SEARCHED = 45.0  # samples that are searched for dips, 1: _AGAIN cycles of nine samples
 _STEPPED = 24  # crossings that show whether a joint steps, 1
 _GAPS_OF_A_STEP = 4  # bands of a slip, 1: with fewer it is too short to be seen as one
 _UNEVEN = 4.0  # longest gap of a joint that steps, of the shortest one beside it
@@ -409,11 +410,12 @@ def judge(rest, motion, detector, remembers):
     # In whole readings.
     if not motion.interval * (LEAST_READINGS - 0.5) <= motion.window:
         return FEW_READINGS, 1.0 / motion.interval, LEAST_READINGS / motion.window
-    # In fewer crossings neither a dip nor a step is seen: motion is searched so far back that it has enough.
+    # In fewer crossings or samples neither a dip nor a step is seen: motion is searched so far back that it has enough.
     since = max(motion.turned, began) + _START * needed
     if detector.head < _LEAST_CROSSINGS or _crossing_time(_LEAST_CROSSINGS, detector) < since:
         return FEW_COUNTS, 0.0, 0.0
-    since = max(min(now - needed, _crossing_time(_LEAST_CROSSINGS, detector)), since)
+    enough = min(now - _SAMPLES_SEARCHED * motion.interval, _crossing_time(_LEAST_CROSSINGS, detector))
+    since = max(min(now - needed, enough), since)
     dip, dips = slowest_share(since, detector)
     code, number = MOVES, dip
     if dips >= _AGAIN and dip >= _DIP:
