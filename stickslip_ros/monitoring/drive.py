@@ -9,10 +9,11 @@ fitted slip says of position and velocity, which unlike the encoder's have no no
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stickslip_ros.monitoring.friction.late_controller import LATE
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
@@ -35,22 +36,24 @@ class DriveGains:
     stiffness, damping : k_p [N·m/rad] and k_v [N·m·s/rad]; the latter may be negative where the effort comes late, and
         the friction's viscous part is then too large by as much.
     stiffness_std, damping_std : standard errors.
+    late_damping : standard deviation of what a late effort adds to the friction's viscous part and takes from k_v
+        [N·m·s/rad]: k_p times a usual delay, or all of a k_v that is negative.
     """
 
     stiffness: float
     damping: float
     stiffness_std: float
     damping_std: float
+    late_damping: float
 
     def followed_by(self, seen: FloatArray) -> DriveGains:
         """With one more slip, which showed k_p and k_v of shape (2,); NaN if it did not."""
         if not (np.isfinite(seen).all() and seen[0] > 0):
             return self
-        return DriveGains(
+        return replace(
+            self,
             stiffness=self.stiffness + _WEIGHT * (float(seen[0]) - self.stiffness),
             damping=self.damping + _WEIGHT * (float(seen[1]) - self.damping),
-            stiffness_std=self.stiffness_std,
-            damping_std=self.damping_std,
         )
 
 
@@ -70,7 +73,11 @@ def drive_gains(problem: SlipProblem, parameters: FloatArray, unknowns: FloatArr
     if not (stiffness > 0 and errors[0] <= _LARGEST_ERROR * stiffness):
         return None
     return DriveGains(
-        stiffness=stiffness, damping=damping, stiffness_std=float(errors[0]), damping_std=float(errors[1])
+        stiffness=stiffness,
+        damping=damping,
+        stiffness_std=float(errors[0]),
+        damping_std=float(errors[1]),
+        late_damping=math.hypot(LATE * problem.data.sample_interval * stiffness, min(damping, 0.0)),
     )
 
 

@@ -196,6 +196,21 @@ def test_noisy_effort_leads_to_one_friction(seed: int) -> None:
     assert np.median(moved) < 1.0
 
 
+@pytest.mark.parametrize("late", [0, 1])
+def test_an_effort_that_comes_late_leaves_viscous_friction_open(puma: Joint, late: int) -> None:
+    """By a sample of 4 ms, k_p τ was added to viscous friction, which was "identified" 17 standard errors off."""
+    batch, effort = two_speeds(puma, GAINS)
+    delayed = np.concatenate([effort[:1].repeat(4 * late), effort[: len(effort) - 4 * late]])
+    by_effort = Batch(time=batch.time, position=batch.position, effort=delayed).where(np.arange(0, len(batch), 4))
+    learnt = study(StudyQuestion(windows=cut_slips(by_effort, None)[0]))
+    assert learnt is not None
+    viscous = learnt.estimate["viscous"]
+    assert abs(viscous.value - float(puma.friction.viscous)) < 2.0 * viscous.std
+    assert not viscous.identified
+    held = learnt.estimate[COULOMB_AND_LOAD]
+    assert abs(held.value - float(puma.friction.coulomb)) < 3.0 * held.std
+
+
 def test_feed_forward_is_seen_in_the_effort(puma: Joint) -> None:
     """Issue 4, item 1: with gains, reference and effort, torque beside the gains' is taken from the effort."""
     batch, effort = two_speeds(puma, GAINS, load=3.0)

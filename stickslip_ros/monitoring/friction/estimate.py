@@ -169,6 +169,9 @@ class FrictionEstimate:
             index = FITTED.index(name)
             value = math.exp(self.logarithms[index])
             error = math.sqrt(max(float(self.covariance[index, index]), 0.0))
+        if name == "viscous" and self.source is ForceSource.EFFORT and self.drive is not None:
+            # The sum with k_v is known better, and verdicts rest on that.
+            error = math.hypot(error, self.drive.late_damping / value)
         identified = error <= IDENTIFIED and not self.mismatch
         # Upwards, the longer way: a value far too low with a logarithm that is open is no more certain for being low.
         return ParameterEstimate(value=value, std=value * math.expm1(min(error, SPREAD_LIMIT)), identified=identified)

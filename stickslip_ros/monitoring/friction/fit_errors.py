@@ -159,16 +159,18 @@ def _residual_of_parts(problem: Observed, fit: ScoredFit) -> tuple[FloatArray, F
 def _by_sampling(problem: SlipProblem, fit: SlipFit, late: float) -> FloatArray:
     """Covariance that a controller causes which acts on samples, holds its force, and acts late.
 
-    The force at breakaway is known to half of what a sample interval Δt adds. A delay τ is taken off to the first
-    order at most, which leaves (ω τ)²/2, and a force that is held (ω Δt)²/24. A delay that is not fitted is inertia of
-    −k_v τ; its part of viscous friction is reported with that, see :mod:`.late_controller`.
+    The force at breakaway is known to half of what a sample interval Δt adds; an effort may come late. A delay τ is
+    taken off to the first order at most, which leaves (ω τ)²/2, and a force that is held (ω Δt)²/24. A delay that is
+    not fitted is inertia of −k_v τ; its part of viscous friction is reported with that, see :mod:`.late_controller`,
+    and that of a late effort with :class:`~stickslip_ros.monitoring.drive.DriveGains`.
     """
     size, columns = len(fit.parameters), fit.information.shape[0]
     variances = np.zeros(columns)
     if not problem.data.normalised:
         angle = problem.natural_frequency(fit.parameters) * problem.data.sample_interval
         variances[:PARAMETERS] = ((0.5 * late**2 + OF_HOLDING) * angle**2) ** 2
-        variances[size] = (_HALF_A_STEP * problem.loading_rate(fit.parameters) * problem.data.sample_interval) ** 2
+        intervals = _HALF_A_STEP if problem.may_be_late else late
+        variances[size] = (intervals * problem.loading_rate(fit.parameters) * problem.data.sample_interval) ** 2
     if problem.may_be_late and problem.model.term(Delay) is None:
         lighter = late * problem.data.sample_interval * problem.latest_gains[1]
         variances[INERTIA] += (lighter / math.exp(float(fit.parameters[INERTIA]))) ** 2

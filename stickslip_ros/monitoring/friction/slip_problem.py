@@ -262,6 +262,8 @@ class SlipProblem:
     def loading_rates(self, parameters: FloatArray) -> FloatArray:
         """How fast the force on the resting joint rises before each slip [N·m/s], shape (slips,)."""
         data = self.data
+        if data.windows[0].source is ForceSource.EFFORT:
+            return data.rising
         if data.normalised:
             rates = np.abs(data.speeds * np.exp(parameters[PARAMETERS:]))[data.groups]
         else:
