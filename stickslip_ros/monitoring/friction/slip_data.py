@@ -135,14 +135,6 @@ class SlipData:
         windows = self.windows
         self.references = np.concatenate([window.references for window in windows])
         self.forces = np.concatenate([window.forces for window in windows])
-        # Of the force as it is known before each slip [N·m/s].
-        self.rising = np.array(
-            [
-                abs(float(np.interp(one.breakaway, one.times, one.forces) - one.forces[0]))
-                / max(one.breakaway - one.times[0], TINY)
-                for one in windows
-            ]
-        )
         self.slip_of_node = np.repeat(np.arange(self.count), np.diff(self.edges))
         self.gains = np.array(
             [

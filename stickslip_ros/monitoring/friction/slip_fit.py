@@ -229,10 +229,13 @@ class _Fit:
         positions, _, found = problem.simulate_variants(parameters, unknowns)
         # Where a slip goes on that did not, or no longer does, it changes at once: its slope is that of the other side.
         crossed = found[:, :, WENT_ON] != point.found[:, WENT_ON]
-        if crossed.any():
-            back = problem.simulate_variants(2.0 * point.parameters - parameters, 2.0 * point.unknowns - unknowns)
-            positions = np.where(crossed[:, data.slip_of_node], back[0], positions)
-            found = np.where(crossed[:, :, None], back[2], found)
+        rows = np.flatnonzero(crossed.any(axis=1))
+        if len(rows):
+            back, _, found_back = problem.simulate_variants(
+                2.0 * point.parameters - parameters[rows], 2.0 * point.unknowns - unknowns[rows]
+            )
+            positions[rows] = np.where(crossed[rows][:, data.slip_of_node], back, positions[rows])
+            found[rows] = np.where(crossed[rows][:, :, None], found_back, found[rows])
             steps[crossed] *= -1.0
         is_active = np.zeros(len(point.parameters), dtype=bool)
         is_active[list(active)] = True

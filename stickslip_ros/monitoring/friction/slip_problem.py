@@ -263,7 +263,7 @@ class SlipProblem:
         """How fast the force on the resting joint rises before each slip [N·m/s], shape (slips,)."""
         data = self.data
         if data.windows[0].source is ForceSource.EFFORT:
-            return data.rising
+            return np.array([window.loading_rate for window in data.windows])
         if data.normalised:
             rates = np.abs(data.speeds * np.exp(parameters[PARAMETERS:]))[data.groups]
         else:

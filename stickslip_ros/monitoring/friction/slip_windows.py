@@ -15,6 +15,7 @@ from enum import Enum
 
 import numpy as np
 
+from stickslip_ros.model.bounds import TINY
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.friction.regression import SIGNIFICANT_ERRORS
@@ -108,6 +109,12 @@ class SlipWindow:
     def slip_distance(self) -> float:
         """As observed, signed [rad]."""
         return float(self.values[-1] - self.rest_position)
+
+    @property
+    def loading_rate(self) -> float:
+        """How fast the force that is known beside the gains' changes before the slip [N·m/s]."""
+        change = float(np.interp(self.breakaway, self.times, self.forces) - self.forces[0])
+        return abs(change) / max(self.breakaway - float(self.times[0]), TINY)
 
     def without_force(self) -> SlipWindow:
         """The same slip as if neither effort nor gains were known."""
