@@ -151,12 +151,13 @@ def advice(joint: JointAnalysis) -> str:
     faster = faster and f", or {faster}"
     if state.gains is None or not state.gains_known:
         kept = abs(advised.stiffness_factor - 1.0) < 1e-3
-        stiffness = "" if kept else f"the stiffness by {advised.stiffness_factor:.3g}, and "
-        text = (
-            f"{'keep the stiffness and ' if kept else ''}multiply {stiffness}the damping of controller and joint "
-            f"together by {advised.damping_factor:.3g} "
-            "(the gains of the controller were not recorded)"
-        )
+        stiffness = "keep the stiffness" if kept else f"multiply the stiffness by {advised.stiffness_factor:.3g}"
+        damping = "the damping of controller and joint together"
+        if 0.0 < advised.damping_factor < math.inf:
+            damping = f"multiply {damping} by {advised.damping_factor:.3g}"
+        else:
+            damping = f"make {damping} {advised.damping_time:.3g} s times the stiffness"
+        text = f"{stiffness} and {damping} (the gains of the controller were not recorded)"
     else:
         changes = []
         for name in ("stiffness", "damping"):

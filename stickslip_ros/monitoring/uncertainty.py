@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stickslip_ros.model.bounds import TINY
 from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.dimensionless import DimensionlessGroups, dimensionless_groups
 from stickslip_ros.model.exact import cycle_persists, exact_critical_damping_ratio
@@ -58,6 +59,13 @@ class Uncertainty:
     def bounded(self, probability: float) -> float:
         """A probability of a result, no nearer to 0 and 1 than the least error probability allows; NaN stays NaN."""
         return min(max(probability, self.error_floor), 1.0 - self.error_floor)
+
+    def damping_error(self, gains: Gains, nominal: float) -> float:
+        """Root mean square of ln(total damping / ``nominal`` [N·m·s/rad]) over draws and laws."""
+        drawn = Gains(stiffness=float(gains.stiffness) * self.stiffness, damping=gains.damping)
+        ratios = np.asarray(self.joint.total_damping(drawn)) / max(nominal, TINY)
+        square = self.weight * float(np.mean(np.log(np.maximum(ratios, TINY)) ** 2))
+        return math.sqrt(square + sum(other.damping_error(gains, nominal) ** 2 for other in self.others))
 
     def groups(self, gains: Gains, velocity: float) -> DimensionlessGroups:
         """The dimensionless groups of the draws of this law, under nominal gains at a velocity [rad/s]."""

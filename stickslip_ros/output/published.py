@@ -289,7 +289,12 @@ ADVISED_ANSWERS = Section(
 )
 ADVISED_FACTORS = Section(
     ADVISED_GAINS.of,
-    (_row("stiffness_factor", "1", 19), _row("damping_factor", "1", 20), _row("change", diagnostics="")),
+    (
+        _row("stiffness_factor", "1", 19),
+        _row("damping_factor", "1", 20),
+        _row("damping_time", "s"),
+        _row("change", diagnostics=""),
+    ),
 )
 ADVISED_COST = Section(
     ADVISED_GAINS.of,

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -118,6 +119,23 @@ def test_margin_and_a_factor_whatever_the_effort(sticking: Batch, puma: Joint, k
     assert not state.gains_known
     assert state.recommendation is not None
     assert not state.recommendation.gains_known
+
+
+def test_a_factor_of_damping_that_is_not_known_is_refused(puma: Joint) -> None:
+    """A noisy effort shows the little damping of P control to 12 %; told as a factor, advice would miss by as much."""
+    drive = Gains(stiffness=630.0)
+    batch = recorded(puma, (drive,))
+    state = watched(replace(batch, effort=_noisy(batch.effort)))
+    advice, right = state.recommended, recommend(puma, drive, state.velocity, AdviceLimits())[state.variant]
+    assert advice is not None
+    assert advice.found, advice.reason
+    assert math.isnan(advice.damping_factor)
+    viscous = float(puma.friction.viscous)
+    # What is told instead is in no unit of effort, and right: the damping over the stiffness.
+    assert advice.damping_time == pytest.approx((right.damping + viscous) / right.stiffness, rel=0.05)
+    assert f"damping of {advice.damping_time:.3g} s times the stiffness" in advice.reason
+    cured = Gains(stiffness=630.0, damping=630.0 * advice.damping_time - viscous)
+    assert outcomes(dimensionless_groups(puma, cured, state.velocity)).worst is Outcome.STEADY
 
 
 def test_the_effort_shows_the_drive(sticking: Batch) -> None:

@@ -134,6 +134,8 @@ class _Case:
         self._requirement = Requirement(joint, slowest, limits, None if self._exact else uncertainty)
         laws = [] if uncertainty is None else [uncertainty, *uncertainty.others]
         exactly = replace(limits, condition=Criterion.EXACT)
+        nominal = float(joint.total_damping(gains))
+        self._damping_error = 0.0 if uncertainty is None else uncertainty.damping_error(gains, nominal)
         self._draws = [Requirement(joint, slowest, exactly, law) for law in (laws if self._exact else laws[1:])]
         self._steady = (
             SteadySliding(joint, self._requirement.speeds, laws, limits.confidence) if limits.steady_sliding else None
@@ -235,11 +237,11 @@ class _Case:
         return best
 
     def _previous_gains(self, variant: Variant) -> Gains:
-        """Gains of advice given before; by its factors where the gains themselves are not known."""
+        """Gains of advice given before; by what is independent of the inertia where the gains are not known."""
         if self._gains_known:
             return variant.gains
         stiffness = variant.stiffness_factor * float(self._gains.stiffness)
-        total = variant.damping_factor * float(self._joint.total_damping(self._gains))
+        total = variant.damping_time * stiffness
         return Gains(stiffness=stiffness, damping=total - float(self._joint.own_damping(stiffness)))
 
     def _still_valid(self, previous: Gains, found: Gains, search: AdviceSearch) -> bool:
@@ -353,12 +355,19 @@ class _Case:
             reserve=self._reserve(gains),
             outcome=self._verdict(gains, Detail.OUTCOME).outcome,
             stiffness_factor=float(gains.stiffness) / float(present.stiffness),
-            damping_factor=total / before if before > 0 else (1.0 if total == before else math.inf),
+            damping_factor=self._damping_factor(total, before),
+            damping_time=total / float(gains.stiffness),
             change=self._change(gains),
             bandwidth=crossover_frequency(joint, gains),
             tracking_error_factor=float(present.stiffness) / float(gains.stiffness),
             noise_factor=noise / noise_before if noise_before > 0 else (1.0 if noise == 0 else math.inf),
         )
+
+    def _damping_factor(self, total: float, before: float) -> float:
+        """Total damping over that of before; NaN where two of its errors are more than the wanted reserve."""
+        if 2.0 * self._damping_error > math.log1p(self._limits.wanted_margin):
+            return math.nan
+        return total / before if before > 0 else (1.0 if total == before else math.inf)
 
     def _reserve(self, gains: Gains) -> float:
         groups = dimensionless_groups(self._joint, gains, self._slowest)
@@ -377,21 +386,23 @@ class _Case:
         return found
 
     def _change_text(self, gains: Gains) -> str:
-        own = float(self._joint.own_damping(gains.stiffness))
+        total, before = (float(self._joint.total_damping(one)) for one in (gains, self._gains))
         parts = []
-        for name, old, new, unit, offset in (
-            ("stiffness", float(self._gains.stiffness), float(gains.stiffness), "N·m/rad", 0.0),
-            ("damping", float(self._gains.damping), float(gains.damping), "N·m·s/rad", own),
+        for name, old, new, unit in (
+            ("stiffness", float(self._gains.stiffness), float(gains.stiffness), "N·m/rad"),
+            ("damping", float(self._gains.damping), float(gains.damping), "N·m·s/rad"),
         ):
             if abs(new - old) <= 1e-9 * max(abs(new), abs(old)):
                 continue
             if self._gains_known:
                 parts.append((("raise" if new > old else "lower"), f"the {name} from {old:.4g} to {new:.4g} {unit}"))
-            elif old + offset > 0:
-                note = " (controller's and joint's together)" if name == "damping" else ""
-                parts.append(("", f"{name} × {(new + offset) / (old + offset):.3g}{note}"))
+            elif name == "stiffness":
+                parts.append(("", f"stiffness × {new / old:.3g}"))
             else:
-                parts.append(("", f"damping to a ratio of {new / (2 * math.sqrt(float(gains.stiffness))):.2g}"))
+                factor = self._damping_factor(total, before)
+                known = 0.0 < factor < math.inf
+                text = f"× {factor:.3g}" if known else f"of {total / float(gains.stiffness):.3g} s times the stiffness"
+                parts.append(("", f"damping {text} (controller's and joint's together)"))
         if len(parts) == 2 and parts[0][0] == parts[1][0]:
             parts[1] = ("", parts[1][1])
         return " and ".join(f"{verb} {text}".strip() for verb, text in parts)

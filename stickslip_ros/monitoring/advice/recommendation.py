@@ -36,7 +36,9 @@ class Variant:
     reserve : ρ/ρ_c − 1 with these gains, by the condition asked for.
     outcome : what becomes of the joint when Eqs (4)-(6) are integrated, from the worst start; None without an answer.
     stiffness_factor, damping_factor : of the present stiffness, and of the damping of controller and viscous
-        friction together: what is left of advice where the gains are unknown.
+        friction together: what is left of advice where the gains are unknown. The latter is NaN where the present
+        damping is not known well enough.
+    damping_time : damping of controller and viscous friction together over stiffness [s], in any units of the gains.
     change : √((3 ln)² of the one + ln² of the other).
     bandwidth : crossover frequency of the position loop [rad/s].
     tracking_error_factor : of the tracking error at constant speed, friction over k_p where nothing integrates.
@@ -52,6 +54,7 @@ class Variant:
     outcome: Outcome | None = None
     stiffness_factor: float = math.nan
     damping_factor: float = math.nan
+    damping_time: float = math.nan
     change: float = math.nan
     bandwidth: float = math.nan
     tracking_error_factor: float = math.nan
