@@ -11,7 +11,7 @@ import itertools
 import os
 import signal
 import subprocess
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ from stickslip_ros.bags.table import load_recording
 from stickslip_ros.cli.processes import free_domains
 from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.output import stability_map
 from stickslip_ros.parent_death import die_with_parent
 from stickslip_ros.settings.known_joints import load_joint
 
@@ -62,6 +63,7 @@ _tests = itertools.count(os.getpid() * 13)
 _LONG = ("nodes", "test_documents", "test_warm_up", "test_demo", "test_identify_experiment", "test_fleet.py")
 DOMAINS = {"ros_domain", "ros_domain_of_the_file"}  # fixtures of what starts processes
 _SLOW_FILE = "\npytestmark = pytest.mark.slow\n"
+_OF_A_REPORT, _FEW = 900, 64  # points of a map, 1
 _BEGUN_BY = 0.6  # share of the other files after which they have begun
 
 
@@ -154,6 +156,18 @@ def _is_slow(item: pytest.Item) -> bool:
 def puma() -> Joint:
     """The paper's robot, joint 1."""
     return load_joint("puma560_joint1").joint
+
+
+@pytest.fixture(autouse=True)
+def coarse_maps_in_reports(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Most of a report's time is its maps. Those of test_report.py are as users have them; others have few points."""
+    if request.path.name != "test_report.py":
+        axes = functools.partial(_coarse_axes, stability_map.map_axes)
+        monkeypatch.setattr(stability_map, "map_axes", axes)
+
+
+def _coarse_axes(axes: Callable[..., Any], *arguments: Any, points: int, **more: Any) -> Any:
+    return axes(*arguments, points=_FEW if points == _OF_A_REPORT else points, **more)
 
 
 @contextmanager

@@ -415,8 +415,9 @@ def test_a_recording_of_changing_speed_is_analysed_to_its_end(
 ) -> None:
     """Issue 17, item 7: slips of which none is usable without the force end nothing; what they lack is said."""
     recording("openarm_joint3_tracking")
-    path = next(RECORDINGS.glob("openarm_joint3_tracking*"))
-    assert main(["convert", str(path), "--out", str(tmp_path / "bag.mcap"), "--name", "axis"]) == 0
+    path, table = next(RECORDINGS.glob("openarm_joint3_tracking*")), tmp_path / "cut.csv"
+    table.write_text("".join(path.read_text(encoding="utf-8").splitlines(keepends=True)[:1200]), encoding="utf-8")
+    assert main(["convert", str(table), "--out", str(tmp_path / "bag.mcap"), "--name", "axis"]) == 0
     capsys.readouterr()
     assert main(["analyze", str(tmp_path / "bag.mcap")]) == 0
     assert "No gains can be advised: " in capsys.readouterr().out

@@ -34,6 +34,7 @@ def processes_on(domain: int) -> list[str]:
     return found
 
 
+@pytest.mark.nightly
 def test_the_main_job(ros_domain: int, tmp_path: Path) -> None:
     """Issue 2: stick-slip, advice, gains set, smooth, a picture, exit status 0, no process left."""
     picture = tmp_path / "demo.png"
@@ -79,7 +80,7 @@ def test_a_recorded_joint(ros_domain: int, tmp_path: Path) -> None:
     """Issue 2: `stickslip demo --recording` shows a real machine."""
     picture = tmp_path / "slider.png"
     done = subprocess.run(
-        [*COMMAND, "--recording", "slider", "--speed", "8", "--out", picture],
+        [*COMMAND, "--recording", "slider", "--speed", "24", "--out", picture],
         capture_output=True, text=True, timeout=LIMIT, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr

@@ -33,9 +33,11 @@ def rows(path: Path) -> list[dict[str, str]]:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """All figures, drawn once."""
+    """All figures, drawn once; the map of two of them with few points, as it takes most of the time."""
     out = tmp_path_factory.mktemp("figures")
-    assert main(["figures", "--out", str(out)]) == 0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("stickslip_ros.cli.figures._MAP_POINTS", (50, 40))
+        assert main(["figures", "--out", str(out)]) == 0
     return out
 
 
@@ -112,7 +114,7 @@ def test_what_is_on_a_map_is_seen(tmp_path: Path) -> None:
     have labels (there were none).
     """
     out = tmp_path / "here.png"
-    command = "map --model puma560_joint1 --damping 20 --points 400 --out"
+    command = "map --model puma560_joint1 --damping 20 --points 200 --out"
     assert main([*command.split(), str(out)]) == 0
     colours, counts = np.unique(imread(out).reshape(-1, 4)[:, :3], axis=0, return_counts=True)
     white, *shades = colours[np.argsort(-counts)][:3]

@@ -154,6 +154,7 @@ def test_no_errors_for_a_delay_that_the_slips_exclude(seed: int) -> None:
     assert inertia.std < {1: 0.045, 5: 0.005, 7: 0.005}[seed] * inertia.value
 
 
+@pytest.mark.nightly
 def test_the_steps_of_a_controller_are_no_change_of_friction() -> None:
     """A step was 1.6 % of what a slip begins with: the joint was learnt anew twice, from seven slips in the end."""
     recording = random_recording(23, CONDITIONS["sampled"])

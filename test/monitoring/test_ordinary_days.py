@@ -501,7 +501,7 @@ def test_a_reference_that_is_heard_later_than_the_joint_makes_no_cycle() -> None
     assert spent(segments, Status.STICK_SLIP) == 0.0
 
 
-@pytest.mark.parametrize("count", [nightly(1e-7), COUNT, 4e-4])
+@pytest.mark.parametrize("count", [nightly(1e-7), COUNT, nightly(4e-4)])
 def test_a_dropout_does_not_make_it_blind(puma: Joint, count: float) -> None:
     """After one dropout of 0.1 to 0.6 s in a slip, as of a network, no cycle was found any more.
 

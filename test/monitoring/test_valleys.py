@@ -8,6 +8,7 @@ Joints of the paper's law, drawn at random, whose fits left nothing over.
 from __future__ import annotations
 
 import pytest
+from conftest import nightly
 from machines import Machine
 from random_machines import CONDITIONS, random_recording
 from two_speeds import monitor_of
@@ -50,6 +51,7 @@ def test_a_wrong_valley_is_left() -> None:
         assert off(machine, estimate, name) < 2.5, name
 
 
+@pytest.mark.nightly
 def test_errors_are_those_of_a_bent_valley() -> None:
     """Lag and rise time go together along a bend: 25 % too long a lag was identified, at 5.6 standard errors."""
     machine, estimate = learnt("base", 23)
@@ -70,7 +72,7 @@ def test_a_law_is_not_preferred_for_less_stribeck_friction() -> None:
 @pytest.mark.parametrize(
     ("seed", "why"),
     [
-        (108, "slips of 30 counts end up to a count after the last one that is seen: beyond their windows"),
+        nightly(108, "slips of 30 counts end up to a count after the last one that is seen: beyond their windows"),
         (
             100,
             "three slips stop and go on: how static friction rises shows in their positions, and had no slopes there",

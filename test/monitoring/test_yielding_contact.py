@@ -117,7 +117,8 @@ def test_a_joint_that_swings_on_its_contact_is_not_explained() -> None:
     assert "before it has come to rest" in estimate.mismatch
 
 
-@pytest.mark.parametrize("seed", [nightly(3), 14])
+@pytest.mark.nightly
+@pytest.mark.parametrize("seed", [3, 14])
 def test_other_joints_on_springs(seed: int) -> None:
     """Two random joints of which nothing was identified, at other rates, encoders and stiffnesses."""
     recorded = random_recording(seed, CONDITIONS["elastic_contact"])
