@@ -172,7 +172,7 @@ def reason_text(finding: Finding) -> str:
         case reasons.TooShort(moving=moving, needed=needed):
             return f"only {moving:.2f} s of motion, {needed:.2f} s are needed"
         case reasons.StopsAndGoes():
-            return "stops and goes; publish the reference to tell commanded stops from sticking"
+            return "stops and goes; publish the reference that moves it to tell commanded stops from sticking"
         case reasons.TooCoarse(counts=counts):
             return f"the encoder is too coarse: {f'{counts:.0f}' if math.isfinite(counts) else 'too few'} counts a slip"
         case reasons.TooFewCounts():

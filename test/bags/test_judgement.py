@@ -244,7 +244,7 @@ def test_a_joint_that_is_pushed_now_and_then_has_a_reason(tmp_path: Path, capsys
         messages.append(("/joint_references", JOINT_STATE, time, joint_state(time, ["a"], position=[0.0])))
     write_mcap(tmp_path / "a.mcap", messages)
     main(["analyze", str(tmp_path / "a.mcap"), "--no-learning"])
-    assert "not judged, it moves too little, or reverses too often" in capsys.readouterr().out
+    assert "not judged, stops and goes; publish the reference that moves it" in capsys.readouterr().out
 
 
 def test_advice_for_one_of_two_speeds_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -233,3 +234,24 @@ def test_a_sensor_slower_than_its_messages(puma: Joint) -> None:
     assert abs(len(cycles_of(batch)) - len(cycles_of(recording.batch))) <= 1
     smooth = Batch(time=TIME, position=np.repeat((0.05 * TIME)[::10], 10))
     assert cycles_of(smooth) == []
+
+
+@pytest.mark.parametrize("goal", [0.0, 1.0])
+def test_a_reference_that_stands_hides_no_stick_slip(puma: Joint, goal: float) -> None:
+    """A goal that a servo's own profile goes to, or a command that nobody uses, is no reference: it hid all slips."""
+    recording = record(puma, Gains(stiffness=630.0), 0.0058, every=4, with_reference=False)
+    standing = replace(recording.batch, reference_position=np.full(len(recording.batch), goal))
+    found, without = ([cycle.breakaway for cycle in cycles_of(batch)] for batch in (standing, recording.batch))
+    assert found == without
+    assert len(found) > 0.9 * len(recording.sticks)
+
+
+def test_a_gentle_start_is_no_dip() -> None:
+    """At 20 Hz two seconds are searched for dips: a joint that set off gently in them was `at_risk`."""
+    time = np.arange(0.0, 12.0, 0.05)
+    share = np.clip((time - 2.0) / 2.5, 0.0, 1.0)
+    position = 0.1 * np.cumsum(share**3 * (10 - 15 * share + 6 * share**2)) * 0.05
+    monitor = JointMonitor()
+    monitor.process(Batch(time=time, position=1e-6 * np.round(position / 1e-6)))
+    assert Status.AT_RISK not in {segment.status for segment in monitor.segments}
+    assert monitor.finding().status is Status.SMOOTH

@@ -204,3 +204,16 @@ def test_a_reference_that_jumps_does_not_turn_round() -> None:
         seen(Batch(time=time, position=1e-4 * np.round(np.array(positions) / 1e-4), reference_position=reference))
         is None
     )
+
+
+def test_a_joint_that_comes_back_to_where_it_stood_stands_again() -> None:
+    """Its way was counted from where it last stood: none out and back, so that no turn was measured at a stop."""
+    time = np.arange(0.0, 24.0, 1.0 / 64.0)
+    phase = time % 10.0
+    reference = np.where(phase < 5.0, phase, 10.0 - phase) - 1.6
+    # It turns at once above, and stands at its stop below until the reference comes back.
+    position = 2e-4 * np.round(np.maximum(reference, 0.0) / 2e-4)
+    record = seen(Batch(time=time, position=position, reference_position=reference))
+    assert record is not None
+    assert record.count == 4
+    assert record.last.standing == pytest.approx(3.2, abs=0.1)

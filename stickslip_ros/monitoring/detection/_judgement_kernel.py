@@ -215,9 +215,9 @@ def slowest_share(since, detector):
     if mean == 0.0:
         return 1.0, 0
     least, briefest = _BANDS_OF_A_SPEED * detector.position.band, _BRIEFEST * (detector.last_time - since)
-    # Over several gaps, so that the rhythm of counts and samples does not pass for a change of speed. Slowing
-    # down at the end is no dip before the motion has picked up again.
-    recovered, slowest, candidate = False, np.inf, np.inf
+    # Over several gaps, so that the rhythm of counts and samples does not pass for a change of speed. A dip is slow
+    # between two that are fast: neither a gentle start is one, nor slowing down before the motion has picked up again.
+    fast, slowest, candidate = False, np.inf, np.inf
     dips, lowest, back = 0, np.inf, first
     for n in range(first + _ENOUGH_CROSSINGS, head):
         crossing, before = n % kernel.RING, (n - _ENOUGH_CROSSINGS) % kernel.RING
@@ -231,8 +231,9 @@ def slowest_share(since, detector):
             # In all of what was seen of a stand the joint went a band at most: a stop, to a coarse encoder.
             candidate = min(candidate, detector.position.band / stood)
         if speed >= 0.5 * mean:
-            recovered = True
-            slowest = min(slowest, candidate)
+            if fast:
+                slowest = min(slowest, candidate)
+            fast, candidate = True, np.inf
         # Shallow dips count only where neither counts nor samples can make them.
         place, now = detector.crossings[crossing, kernel.POSITION], detector.crossings[crossing, kernel.TIME]
         while back + 1 + _ENOUGH_CROSSINGS <= n and (
@@ -246,9 +247,9 @@ def slowest_share(since, detector):
             speed = way / elapsed
             lowest = min(lowest, speed)
             if speed >= mean:
-                dips += 1 if lowest < DIP_AGAIN * mean else 0
+                dips += 1 if fast and lowest < DIP_AGAIN * mean else 0
                 lowest = np.inf
-    return (min(slowest / mean, 1.0) if recovered else 1.0), dips
+    return min(slowest / mean, 1.0), dips
 
 
 @helper()
@@ -402,7 +403,9 @@ def judge(rest, motion, detector, remembers):
     # A rest is known in full only some time after its end.
     began = max(left, motion.rested_at)
     moving, needed = now - max(motion.turned, began), motion.needed
-    stops_and_goes = not motion.travels and now - motion.stop_before <= _RECENT_STOPS * needed
+    # A reference that stood all the while commanded neither stop nor motion; it counts as unknown.
+    recently = now - motion.stop_before <= _RECENT_STOPS * needed
+    stops_and_goes = recently and travel_since(motion.stop_before, motion) == 0.0
     if moving < needed:
         if stops_and_goes:
             return STOPS_AND_GOES, 0.0, 0.0

@@ -300,7 +300,7 @@ class CycleDetector:
             return None
         if abs(cycle.slip_distance) < _WHOLE_SLIP * median(self._train):
             return None
-        if math.isnan(rest.reference_advance):
+        if _uncommanded(before, rest):
             return cycle if self._spring.fits(_motion(cycle, rest)) else None
         if not rest.slip.peak_speed_ratio >= _LEAST_PEAK_SPEED_RATIO or rest.slip.bursts > _MOST_BURSTS:
             return None
@@ -385,7 +385,7 @@ class CycleDetector:
         self._rest_before, self.last_rest = before, rest
         distance_before, self._distance = self._distance, rest.position - before.position
         cycle = _cycle(before, rest)
-        if math.isnan(rest.reference_advance):
+        if _uncommanded(before, rest):
             certain = self._without_reference(cycle, rest)
         else:
             self._restart()
@@ -502,6 +502,12 @@ def _motion(cycle: Cycle, rest: Rest) -> Motion:
 def _meanwhile(before: Rest, rest: Rest) -> float:
     """How far the reference went on between two rests [rad], NaN if unknown."""
     return rest.reference - before.reference_left
+
+
+def _uncommanded(before: Rest, rest: Rest) -> bool:
+    """Whether the reference is unknown, or stood through both rests and the motion between, and commanded neither."""
+    stood = before.reference_advance == rest.reference_advance == _meanwhile(before, rest) == 0.0
+    return stood or math.isnan(rest.reference_advance)
 
 
 def _keeps_up(distance: float, travel: float) -> bool:

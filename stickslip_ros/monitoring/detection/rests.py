@@ -300,6 +300,12 @@ class Rest:
         )
 
 
+def _way_of(crossings: FloatArray) -> float:
+    """Signed way to the last crossing from the one farthest from it [rad]: a motion may come back to its place."""
+    ways = crossings[-1, kernel.POSITION] - crossings[:, kernel.POSITION]
+    return float(ways[np.argmax(np.abs(ways))])
+
+
 class RestDetector:
     """Finds the rests in what ``motion`` follows; how the samples are cut into batches makes no difference.
 
@@ -362,7 +368,7 @@ class RestDetector:
         last = longest if longest > oldest and duration > stands else head - 1
         before = motion.crossings(oldest, last)
         core = before[-1]
-        way = float(core[kernel.POSITION] - before[0, kernel.POSITION])
+        way = _way_of(before)
         if abs(way) < _LEAST_SLIP_BANDS * motion.band:
             return None
         speed = fastest(before[1:])
@@ -394,7 +400,7 @@ class RestDetector:
         speed_before = np.inf if initial else fastest(crossings[1 : longest - oldest + 1]) if longest > oldest else 0.0
         speed_after = self.motion.speed_after
         slowest = min(speed_before, speed_after)
-        travel = abs(float(crossings[longest - oldest, kernel.POSITION] - crossings[0, kernel.POSITION]))
+        travel = abs(_way_of(crossings[: longest - oldest + 1]))
         # Counts are told from creep by their slowness; where motion has hundreds of them, by their mean speed.
         creep = _CREEP if travel > _FINE * self.motion.band else _CREEP_OF_COUNTS
         if not initial and travel > 0.0:
@@ -402,8 +408,7 @@ class RestDetector:
         farthest = max(_CREPT * travel, self.motion.band)
         first, last = rest_gaps(crossings, longest - oldest, self.motion.band, creep * slowest, farthest)
         before, after = crossings[: first + 1], crossings[last + 1 :]
-        travelled = abs(float(before[-1, kernel.POSITION] - before[0, kernel.POSITION]))
-        if len(after) == 0 or (not initial and travelled < _LEAST_SLIP_BANDS * self.motion.band):
+        if len(after) == 0 or (not initial and abs(_way_of(before)) < _LEAST_SLIP_BANDS * self.motion.band):
             return None
         end = last
         if crossings[last, kernel.FLAT_END] <= before[-1, kernel.TIME]:
