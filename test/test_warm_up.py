@@ -201,7 +201,7 @@ def used(folder: Path) -> list[list[str]]:
     bag, joint = folder / "arm.mcap", ("--model", "puma560_joint1")
     commands = (
         ("simulate", "--out", bag, "--duration", "20"),
-        ("analyze", bag, "--json"),
+        ("analyze", bag, "--html", folder / "arm.html"),
         ("margin", *joint, "--velocity", "0.003", "--controller-period", "0.002"),
         ("recommend", *joint),
         ("map", *joint, "--points", "100", "--out", folder / "map.png"),

@@ -73,7 +73,7 @@ def advanced(
     UnstableLoopError
         If the errors of position are those of a loop that is unstable, and far beyond what friction can hold.
     """
-    motion = simulation.advance(period, references, np.broadcast_to(speed, references.shape))
+    motion = simulation.advance(period, references, np.full(references.shape, speed))
     furthest = float(np.abs(references + period * speed - motion.position).max(initial=0.0))
     joint, gains = simulation.joint, simulation.gains
     held = float(joint.friction.coulomb) + float(joint.friction.stribeck) + abs(conditions.load)
