@@ -339,6 +339,10 @@ class JointMonitor:
         now = self._motion.last_time
         begin = cycle.breakaway - min(cycle.dwell, max(2.0 * cycle.slip_duration, 1.0))
         samples = self._samples.between(max(begin, now - _REMEMBERED), min(cycle.arrest + cycle.dwell, now))
+        if samples is not None and math.isnan(cycle.reference_speed):
+            samples = Batch(
+                time=samples.time, position=samples.position, velocity=samples.velocity, effort=samples.effort
+            )
         if samples is not None:
             window = slip_window(
                 samples, cycle, self._gains, resolution=self._motion.resolution, noise=self._motion.noise
@@ -438,7 +442,8 @@ class JointMonitor:
         """Commanded velocity and where it comes from: "reference", "mean motion" or "" (then NaN) [rad/s]."""
         window = self.options.least_motion
         reference = self._motion.reference_velocity(window)
-        if math.isfinite(reference):
+        uncommanded = reference == 0.0 and len(self._recent) > 0 and math.isnan(self._recent[-1].reference_speed)
+        if math.isfinite(reference) and not uncommanded:
             return reference, "reference"
         way = sum(cycle.slip_distance for cycle in self._recent)
         duration = sum(cycle.period for cycle in self._recent)

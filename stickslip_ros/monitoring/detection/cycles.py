@@ -197,7 +197,8 @@ class Cycle:
     position : where the slip began [rad].
     effort : measured effort at breakaway [N·m], NaN if unknown.
     hunting : whether it is a swing to and fro about the reference.
-    reference_speed : of the reference during the slip, as a mean [rad/s]; NaN if unknown.
+    reference_speed : of the reference during the slip, as a mean [rad/s]; NaN if unknown, or if the reference stood and
+        commanded neither the slip nor the stops beside it.
     creep : for so long before the breakaway the joint crept towards it [s]; part of the dwell.
     stands : for how long the joint stood after it, as far as that is known [s].
     dated : whether breakaway and arrest are known better than to a sample, so that friction can be learnt from it.
@@ -441,7 +442,7 @@ def _cycle(before: Rest, rest: Rest) -> Cycle | None:
     distance = rest.position - before.position
     if rest.arrest <= before.breakaway or distance == 0 or rest.slip.path_efficiency < _LEAST_PATH_EFFICIENCY:
         return None
-    moved = rest.seen_from - before.seen_until
+    moved, commanded = rest.seen_from - before.seen_until, not _uncommanded(before, rest)
     return Cycle(
         breakaway=before.breakaway,
         arrest=rest.arrest,
@@ -452,7 +453,7 @@ def _cycle(before: Rest, rest: Rest) -> Cycle | None:
         slip_distance=distance,
         position=before.position,
         effort=before.effort,
-        reference_speed=abs(_meanwhile(before, rest)) / moved if moved > 0.0 else math.nan,
+        reference_speed=abs(_meanwhile(before, rest)) / moved if commanded and moved > 0.0 else math.nan,
     )
 
 
