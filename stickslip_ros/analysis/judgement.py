@@ -8,8 +8,10 @@
 ``stick_slip``, ``at_risk`` and ``smooth`` the one of the longest time, of two of the same time the more severe. That
 time must be a fifth of the moving time: what an arm that stops and goes did in between says nothing of the whole. A
 joint of which less was judged is ``not_judged`` if it moved for half a second, else ``at_rest`` if it stood, else
-``unknown``. One that was smooth or at risk, and stuck for longer, is ``not_judged``, too.
+``unknown``. One that was smooth or at risk, and for longer stuck, or stopped and went, is ``not_judged``, too.
 **Stuck** is a joint that stands for half a second or more while its reference goes on, but for where it turns round.
+**Stops and goes** are motions one way, each too short to be judged, with the stands between them, where no reference
+tells commanded stops from sticking; they count as ``not_judged``, and as moving time, as the dwells of stick-slip do.
 **The worst status** is the most severe that occurred, by the order of ``SEVERITY``: stick-slip however short, since it
 takes cycles; any other if it lasted half a second without a break, or if nothing did.
 **A transient** is stick-slip that dies out: a joint that stuck a few times after starting, and moved smoothly from then
@@ -74,7 +76,8 @@ def overall_status(segments: Sequence[Segment]) -> Status:
     # Of equal times max() takes the first, which is the more severe.
     most = max(JUDGED, key=times.__getitem__)
     seen = stuck(segments)
-    if most is not Status.STICK_SLIP and seen is not None and seen.duration > times[most] > 0.0:
+    perhaps_stuck = stops_and_goes(segments) + (seen.duration if seen is not None else 0.0)
+    if most is not Status.STICK_SLIP and perhaps_stuck > times[most] > 0.0:
         return Status.NOT_JUDGED
     if sum(times[status] for status in JUDGED) >= _LEAST_SHARE * moving_time(segments) > 0.0:
         return most
@@ -98,6 +101,11 @@ def stuck(segments: Sequence[Segment]) -> Stuck | None:
     if not stands:
         return None
     return Stuck(duration=sum(time for time, _ in stands), travel=sum(travel for _, travel in stands))
+
+
+def stops_and_goes(segments: Sequence[Segment]) -> float:
+    """How long the joint stopped and went without a reference that tells why, see the module [s]."""
+    return sum(one.end - one.start for one in segments if one.stops_and_goes and one.status is Status.NOT_JUDGED)
 
 
 def worst_status(segments: Sequence[Segment]) -> Status:

@@ -11,6 +11,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from support_bags import JOINT_STATE, KNOWN, WITHOUT_LEARNING, joint_state, sticking, write_mcap
 
@@ -126,6 +127,38 @@ def test_a_joint_that_is_jammed_is_told(jam: float, tmp_path: Path, capsys: pyte
     said = capsys.readouterr().out
     assert "othing has to be done" not in said
     assert "stuck for " in said
+
+
+@pytest.mark.parametrize(
+    ("slips", "back", "status"),
+    [(5, 2.0, "not_judged"), (6, 3.0, "not_judged"), (3, 2.0, "not_judged"), (3, 14.0, "smooth")],
+)
+def test_slips_of_a_stroke_outweigh_a_smooth_return(
+    slips: int, back: float, status: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Strokes that stick and returns that do not, without a reference: "smooth, nothing has to be done" was said."""
+    period = slips + 1.0 + back
+    time = np.arange(0.0, 3.0 * period, 0.01)
+    phase = time % period
+    slip = np.clip(phase % 1.0 / 0.15, 0.0, 1.0)
+    stroke = np.floor(phase) - 1.0 + slip * slip * (3.0 - 2.0 * slip)
+    returning = slips * np.clip(1.0 - (phase - slips - 1.0) / back, 0.0, 1.0)
+    position = 0.05 * np.where(phase < 1.0, 0.0, np.where(phase < slips + 1.0, stroke, returning))
+    path = tmp_path / "strokes.csv"
+    rows = np.column_stack([time, np.round(position, 4)])
+    np.savetxt(path, rows, fmt="%.4f", delimiter=",", header="time_s,a_position_rad", comments="")
+    bag = str(tmp_path / "strokes.mcap")
+    assert main(["convert", str(path), "--out", bag]) == 0
+    assert main(["analyze", bag, "--no-learning", "--json"]) in (0, 2)
+    said = capsys.readouterr().out
+    found = json.loads(said[said.index("{") :])["bags"][0]["joints"]["a"]
+    assert found["status"] == status
+    # The stands between slips are moving time, as those of stick-slip are; those before a stroke are not.
+    assert found["moving_time"] == pytest.approx(3.0 * (slips - 0.85 + back), abs=1.5)
+    assert main(["analyze", bag, "--no-learning"]) in (0, 2)
+    said = capsys.readouterr().out
+    assert "othing has to be done" not in said
+    assert "publish the reference to tell commanded stops from sticking" in said
 
 
 def test_the_share_is_of_moving_time() -> None:
