@@ -183,8 +183,9 @@ class JointAnalyzer:
     def analysis(self) -> JointAnalysis:
         """What has been found, after the last samples."""
         segments = tuple(self.monitor.segments)
-        status, worst = judgement.overall_status(segments), judgement.worst_status(segments)
-        stuck, why = judgement.stuck(segments), self.monitor.why_not_judged()
+        band = self.monitor.band
+        status, worst = judgement.overall_status(segments, band), judgement.worst_status(segments, band)
+        stuck, why = judgement.stuck(segments, band), self.monitor.why_not_judged()
         not_judged = judgement.time_in(segments, Status.NOT_JUDGED)
         if judgement.stops_and_goes(segments) > 0.5 * not_judged:
             why = StopsAndGoes()

@@ -78,6 +78,9 @@ def cycle(rest: float, breakaway: float, arrest: float, *, hunting: bool = False
         ([(SMOOTH, 60.0), (STICKS, 0.3)], SMOOTH, STICKS),
         ([(SMOOTH, 60.0), (RISK, 0.3)], SMOOTH, SMOOTH),
         ([(NOT_JUDGED, 0.4), (RISK, 0.3)], RISK, RISK),
+        # Never milder than the status, though that has come piece by piece.
+        ([(RISK, 0.3), (REST, 2.0), (NOT_JUDGED, 0.6), (RISK, 0.3)], RISK, RISK),
+        ([(NOT_JUDGED, 0.3), (REST, 9.0), (NOT_JUDGED, 0.3)], NOT_JUDGED, NOT_JUDGED),
     ],
 )
 def test_most_of_the_time_and_the_worst(parts: list[tuple[Status, float]], status: Status, worst: Status) -> None:
@@ -107,15 +110,32 @@ def test_stuck_is_who_stands_while_the_reference_goes_on() -> None:
     assert overall_status(jammed) is NOT_JUDGED
 
 
-@pytest.mark.parametrize("jam", [2.0, 20.0])
-def test_a_joint_that_is_jammed_is_told(jam: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """It moves smoothly, then stands while its reference goes on: "smooth, nothing has to be done" was said of it."""
+def test_flicker_tells_no_turn() -> None:
+    """What a joint did before a stand and after it is told by motion, not by the nearest flicker."""
+
+    def stands(*velocities: float) -> list[Segment]:
+        parts = stretches((SMOOTH, 10.0), (NOT_JUDGED, 0.1), (REST, 8.0), (NOT_JUDGED, 0.1), (SMOOTH, 5.0))
+        parts = [replace(one, velocity=velocity) for one, velocity in zip(parts, velocities, strict=True)]
+        return [*parts[:2], replace(parts[2], stuck=8.0, travel=0.16), *parts[3:]]
+
+    assert stuck(stands(0.01, -0.001, 0.0, 0.001, 0.01), band=0.001) == Stuck(duration=8.0, travel=0.16)
+    assert stuck(stands(0.01, 0.0, 0.0, 0.001, -0.01), band=0.001) is None
+
+
+@pytest.mark.parametrize(("jam", "jump"), [(2.0, 0.0), (20.0, 0.0), (2.0, 1.5)])
+def test_a_joint_that_is_jammed_is_told(
+    jam: float, jump: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It moves smoothly, then stands while its reference goes on: "smooth, nothing has to be done" was said of it.
+    Where the reference jumped before the joint stood is no way that it went meanwhile.
+    """
     times = [0.01 * number for number in range(round(100.0 * (10.0 + jam)))]
     messages = []
     for time in times:
         state = joint_state(time, ["a"], position=[1e-4 * round(max(300.0 * min(time, 10.0) - 13.0, 0.0))])
         messages.append(("/joint_states", JOINT_STATE, time, state))
-        messages.append(("/joint_references", JOINT_STATE, time, joint_state(time, ["a"], position=[0.03 * time])))
+        reference = 0.03 * time + (jump if time > 9.7 else 0.0)
+        messages.append(("/joint_references", JOINT_STATE, time, joint_state(time, ["a"], position=[reference])))
     path = tmp_path / "jammed.mcap"
     write_mcap(path, messages)
     assert main(["analyze", str(path), "--json"]) == 0

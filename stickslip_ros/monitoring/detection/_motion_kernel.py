@@ -113,7 +113,9 @@ def close_slice(slices, motion, detector):
     motion.code = code
     velocity = np.nan
     if code in (judgement.MOVES, judgement.STUCK):
-        velocity = judgement.reference_velocity(motion.window, motion)
+        # What the reference did before the joint stood does not count.
+        stood = now - rest if code == judgement.STUCK and np.isfinite(rest) else motion.window
+        velocity = judgement.reference_velocity(min(stood, motion.window), motion)
         if not np.isfinite(velocity):
             velocity = judgement.mean_velocity(motion.window, motion)
     row = motion.closed
