@@ -10,7 +10,7 @@ time must be a fifth of the moving time: what an arm that stops and goes did in 
 joint of which less was judged is ``not_judged`` if it moved for half a second, else ``at_rest`` if it stood, else
 ``unknown``. One that was smooth or at risk, and for longer stuck, or stopped and went, is ``not_judged``, too.
 **Stuck** is a joint that stands for half a second or more while its reference goes on, but for where it turns round:
-where its motions before and after, flicker aside, go opposite ways.
+where its motions before and after, flicker aside, go opposite ways, and the one before was not against its reference.
 **Stops and goes** are motions one way, each too short to be judged, with the stands between them, where no reference
 tells commanded stops from sticking; they count as ``not_judged``, and as moving time, as the dwells of stick-slip do.
 **The worst status** is the most severe that occurred, by the order of ``SEVERITY``: stick-slip however short, since it
@@ -27,6 +27,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from stickslip_ros.monitoring.assessment import Assessment
+from stickslip_ros.monitoring.detection._swing_kernel import FLICKER
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Segment, Status, Stuck, TooFewSamples
 
@@ -98,11 +99,13 @@ def stuck(segments: Sequence[Segment], band: float = 0.0) -> Stuck | None:
     band : the smallest motion told from rest [rad].
     """
     ways = [one.velocity * (one.end - one.start) if moves(one) else 0.0 for one in segments]
-    went = [number for number, way in enumerate(ways) if abs(way) > band]
+    went = [number for number, way in enumerate(ways) if abs(way) > FLICKER * band]
     stands = []
     for number, one in enumerate(segments):
         after = bisect_left(went, number)
         turns = 0 < after < len(went) and ways[went[after - 1]] * ways[went[after]] < 0.0
+        # What had left its reference, and stands until that has come back to it, does not turn with it.
+        turns = turns and ways[went[after - 1]] * segments[went[after - 1]].led >= 0.0
         time = min(one.stuck, one.end - one.start)
         if one.status is Status.AT_REST and time >= _LEAST_TIME and not turns:
             stands.append((time, one.travel))

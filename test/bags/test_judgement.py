@@ -119,7 +119,11 @@ def test_flicker_tells_no_turn() -> None:
         return [*parts[:2], replace(parts[2], stuck=8.0, travel=0.16), *parts[3:]]
 
     assert stuck(stands(0.01, -0.001, 0.0, 0.001, 0.01), band=0.001) == Stuck(duration=8.0, travel=0.16)
-    assert stuck(stands(0.01, 0.0, 0.0, 0.001, -0.01), band=0.001) is None
+    turning = stands(0.01, 0.0, 0.0, 0.001, -0.01)
+    assert stuck(turning, band=0.001) is None
+    # A joint that fell while its reference rose, and stands until that is set back and comes to it.
+    assert stuck([replace(turning[0], led=0.2), *turning[1:]], band=0.001) is None
+    assert stuck([replace(turning[0], led=-0.2), *turning[1:]], band=0.001) == Stuck(duration=8.0, travel=0.16)
 
 
 @pytest.mark.parametrize(("jam", "jump"), [(2.0, 0.0), (20.0, 0.0), (2.0, 1.5)])

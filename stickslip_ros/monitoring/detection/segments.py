@@ -106,7 +106,8 @@ class Segments:
             velocity = (_way(last) + _way(segment)) / (segment.end - last.start)
             segment = replace(
                 segment, start=self.all.pop().start, velocity=velocity, stuck=last.stuck + segment.stuck,
-                travel=last.travel + segment.travel, stops_and_goes=last.stops_and_goes or segment.stops_and_goes,
+                travel=last.travel + segment.travel, led=last.led + segment.led,
+                stops_and_goes=last.stops_and_goes or segment.stops_and_goes,
             )  # fmt: skip
         self.all.append(segment)
 
@@ -120,20 +121,22 @@ class Segments:
         # A joint that stands as soon as its samples can be measured stood before: waiting for samples is no motion.
         same = last is not None and (last.status is status or (self._unmeasured and status is Status.AT_REST))
         self._unmeasured = code == judgement.TOO_FEW
-        stuck, travel, stops_and_goes, until = 0.0, 0.0, False, start
+        stuck, travel, led, stops_and_goes, until = 0.0, 0.0, 0.0, False, start
         if last is not None and same and 0.0 <= start - last.end <= kernel.LONGEST_SILENCE:
             start, stuck, travel, until = last.start, last.stuck, last.travel, last.end
-            stops_and_goes = last.stops_and_goes
+            led, stops_and_goes = last.led, last.stops_and_goes
             self.all.pop()
         else:
             self._from = float(rows[0, kernel.FROM])
-        for row in rows if code == judgement.STUCK else ():
-            duration, until = float(row[kernel.END]) - until, float(row[kernel.END])
-            stuck, travel = stuck + duration, travel + abs(float(row[kernel.VELOCITY])) * duration
+        for end_of_slice, velocity in rows[:, [kernel.END, kernel.VELOCITY]].tolist():
+            duration, until = end_of_slice - until, end_of_slice
+            led += velocity * duration if math.isfinite(velocity) else 0.0
+            if code == judgement.STUCK:
+                stuck, travel = stuck + duration, travel + abs(velocity) * duration
         velocity = (float(rows[-1, kernel.TO]) - self._from) / (end - start) if end > start else 0.0
         self.all.append(
             Segment(
-                start=start, end=end, status=status, velocity=velocity, stuck=stuck, travel=travel,
+                start=start, end=end, status=status, velocity=velocity, stuck=stuck, travel=travel, led=led,
                 stops_and_goes=stops_and_goes,
             )
         )  # fmt: skip
