@@ -19,7 +19,16 @@ from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import Assessment, ExactQuestion, as_seen
 from stickslip_ros.monitoring.detection._judgement_kernel import DIP_AGAIN
 from stickslip_ros.monitoring.detection.cycles import Cycle
-from stickslip_ros.monitoring.detection.status import Finding, NoSamples, Reason, Segment, SpeedFalls, Status, Stuck
+from stickslip_ros.monitoring.detection.status import (
+    Finding,
+    NoSamples,
+    Reason,
+    Segment,
+    SpeedFalls,
+    Status,
+    StopsAndGoes,
+    Stuck,
+)
 from stickslip_ros.monitoring.friction.sliding import sliding_points
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch, FloatArray, ReferencePairing
@@ -105,6 +114,11 @@ class JointAnalysis:
         return judgement.moving_time(self.segments)
 
     @property
+    def stops_and_goes(self) -> float:
+        """How long the joint stopped and went without a reference that tells why [s]."""
+        return judgement.stops_and_goes(self.segments)
+
+    @property
     def stick_slip_share(self) -> float:
         """Share of the moving time in stick-slip, 0 to 1; NaN if the joint did not move."""
         return judgement.stick_slip_share(self.segments)
@@ -169,9 +183,13 @@ class JointAnalyzer:
     def analysis(self) -> JointAnalysis:
         """What has been found, after the last samples."""
         segments = tuple(self.monitor.segments)
-        status, worst = judgement.overall_status(segments), judgement.worst_status(segments)
-        stuck, why = judgement.stuck(segments), self.monitor.why_not_judged()
-        if stuck is not None and stuck.duration > judgement.time_in(segments, Status.NOT_JUDGED):
+        band = self.monitor.band
+        status, worst = judgement.overall_status(segments, band), judgement.worst_status(segments, band)
+        stuck, why = judgement.stuck(segments, band), self.monitor.why_not_judged()
+        not_judged = judgement.time_in(segments, Status.NOT_JUDGED)
+        if judgement.stops_and_goes(segments) > 0.5 * not_judged:
+            why = StopsAndGoes()
+        if stuck is not None and stuck.duration > not_judged:
             why = stuck
         # Advice is for where it is wanted: at the speed at which it went worst.
         velocity = _judged_velocity(segments, worst, self.cycles)

@@ -8,10 +8,13 @@
 ``stick_slip``, ``at_risk`` and ``smooth`` the one of the longest time, of two of the same time the more severe. That
 time must be a fifth of the moving time: what an arm that stops and goes did in between says nothing of the whole. A
 joint of which less was judged is ``not_judged`` if it moved for half a second, else ``at_rest`` if it stood, else
-``unknown``. One that was smooth or at risk, and stuck for longer, is ``not_judged``, too.
-**Stuck** is a joint that stands for half a second or more while its reference goes on, but for where it turns round.
+``unknown``. One that was smooth or at risk, and for longer stuck, or stopped and went, is ``not_judged``, too.
+**Stuck** is a joint that stands for half a second or more while its reference goes on, but for where it turns round:
+where its motions before and after, flicker aside, go opposite ways, and the one before was not against its reference.
+**Stops and goes** are motions one way, each too short to be judged, with the stands between them, where no reference
+tells commanded stops from sticking; they count as ``not_judged``, and as moving time, as the dwells of stick-slip do.
 **The worst status** is the most severe that occurred, by the order of ``SEVERITY``: stick-slip however short, since it
-takes cycles; any other if it lasted half a second without a break, or if nothing did.
+takes cycles; any other if it lasted half a second without a break, or is the status.
 **A transient** is stick-slip that dies out: a joint that stuck a few times after starting, and moved smoothly from then
 on.
 """
@@ -24,6 +27,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from stickslip_ros.monitoring.assessment import Assessment
+from stickslip_ros.monitoring.detection._swing_kernel import FLICKER
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Segment, Status, Stuck, TooFewSamples
 
@@ -68,13 +72,14 @@ def stick_slip_share(segments: Sequence[Segment]) -> float:
     return time_in(segments, Status.STICK_SLIP) / moving if moving > 0.0 else math.nan
 
 
-def overall_status(segments: Sequence[Segment]) -> Status:
+def overall_status(segments: Sequence[Segment], band: float = 0.0) -> Status:
     """The status that held for most of the time in which the motion was judged: see the module."""
     times = {status: time_in(segments, status) for status in SEVERITY}
     # Of equal times max() takes the first, which is the more severe.
     most = max(JUDGED, key=times.__getitem__)
-    seen = stuck(segments)
-    if most is not Status.STICK_SLIP and seen is not None and seen.duration > times[most] > 0.0:
+    seen = stuck(segments, band)
+    perhaps_stuck = stops_and_goes(segments) + (seen.duration if seen is not None else 0.0)
+    if most is not Status.STICK_SLIP and perhaps_stuck > times[most] > 0.0:
         return Status.NOT_JUDGED
     if sum(times[status] for status in JUDGED) >= _LEAST_SHARE * moving_time(segments) > 0.0:
         return most
@@ -86,12 +91,21 @@ def overall_status(segments: Sequence[Segment]) -> Status:
     return segments[-1].status if segments else Status.UNKNOWN
 
 
-def stuck(segments: Sequence[Segment]) -> Stuck | None:
-    """How long the joint was stuck in all, see the module; None if it was not."""
+def stuck(segments: Sequence[Segment], band: float = 0.0) -> Stuck | None:
+    """How long the joint was stuck in all, see the module; None if it was not.
+
+    Parameters
+    ----------
+    band : the smallest motion told from rest [rad].
+    """
+    ways = [one.velocity * (one.end - one.start) if moves(one) else 0.0 for one in segments]
+    went = [number for number, way in enumerate(ways) if abs(way) > FLICKER * band]
     stands = []
     for number, one in enumerate(segments):
-        between = 0 < number < len(segments) - 1
-        turns = between and segments[number - 1].velocity * segments[number + 1].velocity < 0.0
+        after = bisect_left(went, number)
+        turns = 0 < after < len(went) and ways[went[after - 1]] * ways[went[after]] < 0.0
+        # What had left its reference, and stands until that has come back to it, does not turn with it.
+        turns = turns and ways[went[after - 1]] * segments[went[after - 1]].led >= 0.0
         time = min(one.stuck, one.end - one.start)
         if one.status is Status.AT_REST and time >= _LEAST_TIME and not turns:
             stands.append((time, one.travel))
@@ -100,17 +114,15 @@ def stuck(segments: Sequence[Segment]) -> Stuck | None:
     return Stuck(duration=sum(time for time, _ in stands), travel=sum(travel for _, travel in stands))
 
 
-def worst_status(segments: Sequence[Segment]) -> Status:
+def stops_and_goes(segments: Sequence[Segment]) -> float:
+    """How long the joint stopped and went without a reference that tells why, see the module [s]."""
+    return sum(one.end - one.start for one in segments if one.stops_and_goes and one.status is Status.NOT_JUDGED)
+
+
+def worst_status(segments: Sequence[Segment], band: float = 0.0) -> Status:
     """The most severe status that occurred: see the module."""
-    longest = {status: max((one.end - one.start for one in segments if one.status is status), default=0.0)
-               for status in SEVERITY}  # fmt: skip
-    if longest[Status.STICK_SLIP] > 0.0:
-        return Status.STICK_SLIP
-    for least in (_LEAST_TIME, 0.0):
-        for status in SEVERITY:
-            if longest[status] > least:
-                return status
-    return segments[-1].status if segments else Status.UNKNOWN
+    lasted = {one.status for one in segments if one.status is Status.STICK_SLIP or one.end - one.start > _LEAST_TIME}
+    return min({*lasted, overall_status(segments, band)}, key=SEVERITY.index)
 
 
 def lacks_data(status: Status, assessment: Assessment) -> bool:

@@ -43,15 +43,22 @@ UNITS: dict[str, dict[str, float]] = {
 # Where a name has no unit; of time it is told by its values.
 USUAL_UNIT = {TIME: "", POSITION: "rad", "velocity": "rad_per_s", "effort": "nm",
               "reference_position": "rad", "reference_velocity": "rad_per_s"}  # fmt: skip
-_OTHER_SPELLINGS = {
+_OTHER_PLACES = {
     "degree": "deg", "degrees": "deg", "°": "deg", "radian": "rad", "radians": "rad",
-    "°_per_s": "deg_per_s", "rads": "rad_per_s", "rad_s": "rad_per_s", "degs": "deg_per_s", "deg_s": "deg_per_s",
-    "rad_per_sec": "rad_per_s", "deg_per_sec": "deg_per_s", "µm": "um", "mm_s": "mm_per_s", "m_s": "m_per_s",
-    "count": COUNTS, "ticks": COUNTS, "tick": COUNTS,
+    "meter": "m", "meters": "m", "metre": "m", "metres": "m", "millimeter": "mm", "millimeters": "mm",
+    "millimetre": "mm", "millimetres": "mm", "µm": "um", "count": COUNTS, "ticks": COUNTS, "tick": COUNTS,
+}  # fmt: skip
+_OTHER_SPELLINGS = _OTHER_PLACES | {
+    f"{other}_per_{second}": f"{unit}_per_s"
+    for other, unit in ({unit: unit for unit in _PLACE} | _OTHER_PLACES).items()
+    for second in ("s", "sec", "second")
+} | {
+    "rads": "rad_per_s", "rad_s": "rad_per_s", "degs": "deg_per_s", "deg_s": "deg_per_s",
+    "mm_s": "mm_per_s", "m_s": "m_per_s",
     "n_m": "nm", "newton_meter": "nm", "sec": "s", "secs": "s", "second": "s", "seconds": "s",
-    "millisecond": "ms", "milliseconds": "ms", "msec": "ms", "msecs": "ms",
-    "microsecond": "us", "microseconds": "us", "usec": "us", "usecs": "us", "µs": "us",
-    "nanosecond": "ns", "nanoseconds": "ns", "nsec": "ns", "nsecs": "ns", "nanosec": "ns",
+    "millisecond": "ms", "milliseconds": "ms", "millisec": "ms", "millisecs": "ms", "msec": "ms", "msecs": "ms",
+    "microsecond": "us", "microseconds": "us", "microsec": "us", "microsecs": "us", "usec": "us", "usecs": "us",
+    "µs": "us", "nanosecond": "ns", "nanoseconds": "ns", "nanosec": "ns", "nanosecs": "ns", "nsec": "ns", "nsecs": "ns",
 }  # fmt: skip
 
 # Of names that are as good, the first serves; "" is a unit by itself, as in `seconds`.

@@ -33,7 +33,7 @@ _BAD_ROW = re.compile(r"CSV parse error: Row #(\d+): Expected (\d+) columns, got
 _BYTES_OF_A_VALUE = 8
 _NAME_OF_A_JOINT = re.compile(r"(?:^|[./])(?:joint_)?names?\[?(\d+)\]?$")  # a column of joints' names in a message
 _DELIMITERS = (";", "\t", ",", "|")
-_COMMENTS = ("#", "%")
+_COMMENT = re.compile(r"\s*(?:[#%]|//)+ *")
 _LARGEST_CELL = 1_000_000  # characters
 _DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
 _DAY = re.compile(r"\d{4}-\d\d-\d\d")
@@ -133,14 +133,14 @@ class _Text(TableFile):
             self._columns, texts, self._skipped = named, [header, *texts], self._skipped - 1
         if not texts:
             raise ValueError("it has no rows under its line of names")
-        if all(_is_number(cell) for cell in self._columns):
+        self.names = tuple(dict.fromkeys(filter(None, self._columns)))
+        if all(map(_is_number, self.names)):
             raise ValueError(f"line {self._skipped + 1}: must name the columns; it has numbers: {header.strip()[:60]}")
         rows = [_cells_of(text, self._delimiter) for text in texts]
         values = [cell for row in rows for cell in row]
         commas = self._delimiter != "," and any(_DECIMAL_COMMA.fullmatch(cell) for cell in values)
         self._decimal = "," if commas else "."
-        self.names = tuple(dict.fromkeys(self._columns))
-        namesakes = [name for name, count in Counter(self._columns).items() if count > 1]
+        namesakes = [name for name, count in Counter(self._columns).items() if name and count > 1]
         if namesakes:
             self.notes = (f"of columns of the same name only the first one is read: {', '.join(namesakes)}",)
         firsts = dict(zip(self._columns, rows[0], strict=False))
@@ -348,7 +348,7 @@ class _Npz(TableFile):
 
 def _header_of(lines: Sequence[bytes]) -> tuple[int, str]:
     """Which line has the names, counted from 0, and its text: the first one that is no comment, or a comment above
-    numbers.
+    as many numbers.
 
     Raises
     ------
@@ -363,12 +363,19 @@ def _header_of(lines: Sequence[bytes]) -> tuple[int, str]:
             raise ValueError(f"line {number + 1}: must be text in UTF-8: {error.reason}") from error
         if not text.strip():
             continue
-        if text.lstrip().startswith(_COMMENTS):
-            comment = number, text.lstrip().lstrip("".join(_COMMENTS)).lstrip(" ")
+        if found := _COMMENT.match(text):
+            comment = number, text[found.end() :]
             continue
         begins = re.split(r"[;,\t| ]+", text.strip())[0]
-        return comment if comment is not None and _is_number(begins) else (number, text)
+        return (
+            comment if comment is not None and _is_number(begins) and _same_width(comment[1], text) else (number, text)
+        )
     raise ValueError("the file is empty" if not lines else "it has no line that names the columns")
+
+
+def _same_width(names: str, values: str) -> bool:
+    """Whether two lines have as many cells, several, between some delimiter."""
+    return any(len(_cells_of(names, one)) == len(_cells_of(values, one)) > 1 for one in (*_DELIMITERS, " "))
 
 
 def _below_a_preamble(lines: Sequence[bytes], first: int) -> tuple[int, str] | None:
@@ -380,7 +387,8 @@ def _below_a_preamble(lines: Sequence[bytes], first: int) -> tuple[int, str] | N
     texts = {number: text for number, text in texts.items() if number >= first and text.strip()}
     numbers = list(texts)[: _LONGEST_PREAMBLE + 1]
     for delimiter in (*_DELIMITERS, " "):
-        counts = {number: len(_cells_of(texts[number], delimiter)) for number in numbers}
+        # Spreadsheets fill every line with empty cells.
+        counts = {number: len(_cells_of(texts[number].rstrip(delimiter), delimiter)) for number in numbers}
         if not numbers or counts[numbers[-1]] < 2 or counts[first] == counts[numbers[-1]]:
             continue
         for number, after in pairwise(numbers):

@@ -11,6 +11,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from support_bags import JOINT_STATE, KNOWN, WITHOUT_LEARNING, joint_state, sticking, write_mcap
 
@@ -77,6 +78,9 @@ def cycle(rest: float, breakaway: float, arrest: float, *, hunting: bool = False
         ([(SMOOTH, 60.0), (STICKS, 0.3)], SMOOTH, STICKS),
         ([(SMOOTH, 60.0), (RISK, 0.3)], SMOOTH, SMOOTH),
         ([(NOT_JUDGED, 0.4), (RISK, 0.3)], RISK, RISK),
+        # Never milder than the status, though that has come piece by piece.
+        ([(RISK, 0.3), (REST, 2.0), (NOT_JUDGED, 0.6), (RISK, 0.3)], RISK, RISK),
+        ([(NOT_JUDGED, 0.3), (REST, 9.0), (NOT_JUDGED, 0.3)], NOT_JUDGED, NOT_JUDGED),
     ],
 )
 def test_most_of_the_time_and_the_worst(parts: list[tuple[Status, float]], status: Status, worst: Status) -> None:
@@ -106,15 +110,36 @@ def test_stuck_is_who_stands_while_the_reference_goes_on() -> None:
     assert overall_status(jammed) is NOT_JUDGED
 
 
-@pytest.mark.parametrize("jam", [2.0, 20.0])
-def test_a_joint_that_is_jammed_is_told(jam: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """It moves smoothly, then stands while its reference goes on: "smooth, nothing has to be done" was said of it."""
+def test_flicker_tells_no_turn() -> None:
+    """What a joint did before a stand and after it is told by motion, not by the nearest flicker."""
+
+    def stands(*velocities: float) -> list[Segment]:
+        parts = stretches((SMOOTH, 10.0), (NOT_JUDGED, 0.1), (REST, 8.0), (NOT_JUDGED, 0.1), (SMOOTH, 5.0))
+        parts = [replace(one, velocity=velocity) for one, velocity in zip(parts, velocities, strict=True)]
+        return [*parts[:2], replace(parts[2], stuck=8.0, travel=0.16), *parts[3:]]
+
+    assert stuck(stands(0.01, -0.001, 0.0, 0.001, 0.01), band=0.001) == Stuck(duration=8.0, travel=0.16)
+    turning = stands(0.01, 0.0, 0.0, 0.001, -0.01)
+    assert stuck(turning, band=0.001) is None
+    # A joint that fell while its reference rose, and stands until that is set back and comes to it.
+    assert stuck([replace(turning[0], led=0.2), *turning[1:]], band=0.001) is None
+    assert stuck([replace(turning[0], led=-0.2), *turning[1:]], band=0.001) == Stuck(duration=8.0, travel=0.16)
+
+
+@pytest.mark.parametrize(("jam", "jump"), [(2.0, 0.0), (20.0, 0.0), (2.0, 1.5)])
+def test_a_joint_that_is_jammed_is_told(
+    jam: float, jump: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It moves smoothly, then stands while its reference goes on: "smooth, nothing has to be done" was said of it.
+    Where the reference jumped before the joint stood is no way that it went meanwhile.
+    """
     times = [0.01 * number for number in range(round(100.0 * (10.0 + jam)))]
     messages = []
     for time in times:
         state = joint_state(time, ["a"], position=[1e-4 * round(max(300.0 * min(time, 10.0) - 13.0, 0.0))])
         messages.append(("/joint_states", JOINT_STATE, time, state))
-        messages.append(("/joint_references", JOINT_STATE, time, joint_state(time, ["a"], position=[0.03 * time])))
+        reference = 0.03 * time + (jump if time > 9.7 else 0.0)
+        messages.append(("/joint_references", JOINT_STATE, time, joint_state(time, ["a"], position=[reference])))
     path = tmp_path / "jammed.mcap"
     write_mcap(path, messages)
     assert main(["analyze", str(path), "--json"]) == 0
@@ -126,6 +151,38 @@ def test_a_joint_that_is_jammed_is_told(jam: float, tmp_path: Path, capsys: pyte
     said = capsys.readouterr().out
     assert "othing has to be done" not in said
     assert "stuck for " in said
+
+
+@pytest.mark.parametrize(
+    ("slips", "back", "status"),
+    [(5, 2.0, "not_judged"), (6, 3.0, "not_judged"), (3, 2.0, "not_judged"), (3, 14.0, "smooth")],
+)
+def test_slips_of_a_stroke_outweigh_a_smooth_return(
+    slips: int, back: float, status: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Strokes that stick and returns that do not, without a reference: "smooth, nothing has to be done" was said."""
+    period = slips + 1.0 + back
+    time = np.arange(0.0, 3.0 * period, 0.01)
+    phase = time % period
+    slip = np.clip(phase % 1.0 / 0.15, 0.0, 1.0)
+    stroke = np.floor(phase) - 1.0 + slip * slip * (3.0 - 2.0 * slip)
+    returning = slips * np.clip(1.0 - (phase - slips - 1.0) / back, 0.0, 1.0)
+    position = 0.05 * np.where(phase < 1.0, 0.0, np.where(phase < slips + 1.0, stroke, returning))
+    path = tmp_path / "strokes.csv"
+    rows = np.column_stack([time, np.round(position, 4)])
+    np.savetxt(path, rows, fmt="%.4f", delimiter=",", header="time_s,a_position_rad", comments="")
+    bag = str(tmp_path / "strokes.mcap")
+    assert main(["convert", str(path), "--out", bag]) == 0
+    assert main(["analyze", bag, "--no-learning", "--json"]) in (0, 2)
+    said = capsys.readouterr().out
+    found = json.loads(said[said.index("{") :])["bags"][0]["joints"]["a"]
+    assert found["status"] == status
+    # The stands between slips are moving time, as those of stick-slip are; those before a stroke are not.
+    assert found["moving_time"] == pytest.approx(3.0 * (slips - 0.85 + back), abs=1.5)
+    assert main(["analyze", bag, "--no-learning"]) in (0, 2)
+    said = capsys.readouterr().out
+    assert "othing has to be done" not in said
+    assert "publish the reference to tell commanded stops from sticking" in said
 
 
 def test_the_share_is_of_moving_time() -> None:

@@ -89,6 +89,11 @@ def test_every_unit_becomes_si(field: str, unit: str, si: float, tmp_path: Path)
         ("targetPosition3", "reference_position", "joint3", ""),
         ("reference_rad", "reference_position", "", "rad"),
         ("commanded_torque_nm", "effort", "", "nm"),
+        ("time (millisec)", "time", "", "ms"),
+        ("time_microsec", "time", "", "us"),
+        ("angle (degree)", "position", "", "deg"),
+        ("q1 [millimeters]", "position", "joint1", "mm"),
+        ("vel (degrees/sec)", "velocity", "", "deg_per_s"),
     ],
 )
 def test_what_a_name_means(name: str, field: str, joint: str, unit: str) -> None:
@@ -257,6 +262,8 @@ def test_tables_in_an_archive_have_the_joints_names(tmp_path: Path) -> None:
         ("time_s,q1\n0,1\n0.1,1,3\n", "line 3: must have the header's 2 values: it has 3"),
         ("time,q1\n2026-01-31 12:00:00,1\nyesterday,1\n", "line 3, column 'time': must be a date like"),
         ("0.0,1.0\n0.1,1.0\n", "line 1: must name the columns; it has numbers: 0.0,1.0"),
+        ("0.0,1.0,\n0.1,1.0,\n", "line 1: must name the columns; it has numbers: 0.0,1.0"),
+        ("//started anew\n0.0,1.0,3\n0.1,1.0,3\n", "line 2: must name the columns; it has numbers: 0.0,1.0,3"),
         ("time_s,q1\n", "it has no rows under its line of names"),
         ("", "the file is empty"),
         ("time_s,tau1\n0,1\n", "needs a column position_rad or position_deg"),

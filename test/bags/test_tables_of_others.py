@@ -193,6 +193,17 @@ def test_lines_above_the_names(delimiter: str, tmp_path: Path, capsys: pytest.Ca
     assert "line 27, column 'q1': must be a number: '20x'" in capsys.readouterr().err
 
 
+def test_lines_above_the_names_with_empty_cells(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A program that fills every line with commas: its first line was taken for the names."""
+    above = "Servo plot,2,,,\nCurves,2,,low,high\n-1,7,angle,#ffff00,0\n"
+    path = write_rows(
+        tmp_path / "a.csv", "Time[ms],q1,x,,", [f"{10 * number},{number},4,," for number in range(30)], above
+    )
+    table = load_table(path)
+    assert table.batches["joint1"].position.tolist() == list(range(30))
+    assert (table.unused, table.notes) == (("x",), ())
+
+
 def test_units_as_they_are_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """`rad/s` and N·m may be typed; an error lists units as they may be typed."""
     rows = [f"{0.1 * number:.3f},{number},90,2" for number in range(30)]

@@ -15,10 +15,10 @@ from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
 from stickslip_ros.model.reversal import ReferenceMotion, followed, reversals, sine, triangle
 from stickslip_ros.monitoring.assessment import MonitorOptions
-from stickslip_ros.monitoring.detection.reversals import ReversalRecord
+from stickslip_ros.monitoring.detection.reversals import ReversalMeter, ReversalRecord
 from stickslip_ros.monitoring.detection.status import Finding, Reversing, Status
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
-from stickslip_ros.monitoring.samples import Batch
+from stickslip_ros.monitoring.samples import Batch, SampleBuffer
 from stickslip_ros.output.wording import reason_text
 
 PERIOD, COUNTS = 1e-3, 2.5e-5
@@ -217,3 +217,17 @@ def test_a_joint_that_comes_back_to_where_it_stood_stands_again() -> None:
     assert record is not None
     assert record.count == 4
     assert record.last.standing == pytest.approx(3.2, abs=0.1)
+
+
+def test_a_turn_is_answered_after_it() -> None:
+    """A reference that is set back while the joint stands: the way that it jumped was told as lost motion, 6 rad."""
+    time = 1e-2 * np.arange(1, 1200)
+    reference = time % 7.0
+    position = 1e-4 * np.round(np.where(time < 7.05, 0.0, time - 7.05) / 1e-4)
+    samples = SampleBuffer()
+    samples.add(Batch(time=time, position=position, reference_position=reference))
+    meter = ReversalMeter()
+    meter.turn(7.06, samples)
+    meter.finish(12.0, samples)
+    assert meter.record is not None
+    assert meter.record.lost_motion == pytest.approx(0.025, abs=0.02)

@@ -111,11 +111,11 @@ def close_slice(slices, motion, detector):
         # It came to rest within the slice, after the end of a motion or after a step.
         code = judgement.STICKS if motion.code == judgement.STICKS else judgement.TOO_SHORT
     motion.code = code
-    velocity = np.nan
-    if code in (judgement.MOVES, judgement.STUCK):
-        velocity = judgement.reference_velocity(motion.window, motion)
-        if not np.isfinite(velocity):
-            velocity = judgement.mean_velocity(motion.window, motion)
+    # What the reference did before the joint stood does not count.
+    stood = now - rest if code == judgement.STUCK and np.isfinite(rest) else motion.window
+    velocity = judgement.reference_velocity(min(stood, motion.window), motion)
+    if code in (judgement.MOVES, judgement.STUCK) and not np.isfinite(velocity):
+        velocity = judgement.mean_velocity(motion.window, motion)
     row = motion.closed
     slices[row, BEGIN], slices[row, END] = motion.slice_begin, now
     slices[row, CODE], slices[row, VELOCITY] = code, velocity

@@ -197,8 +197,9 @@ def _passed(time: float, samples: Batch) -> Reversal | None:
     if turn == 0 or not came > _LEAST_TURN * goes > 0.0 or _jumps(reference[turn:onward]):
         return None
     peak, running = following_error(reference[turn + 1 : onward], position[turn + 1 : onward], direction)
-    behind = direction * position[: here + 1]
-    turns = int(np.median(np.flatnonzero(behind == behind.min())))  # the middle of a count
+    # Only what comes after the reference's turn answers it, which may have been a jump.
+    behind = direction * position[turn : here + 1]
+    turns = turn + int(np.median(np.flatnonzero(behind == behind.min())))  # the middle of a count
     return Reversal(
         time=float(times[turn]),
         direction=direction,

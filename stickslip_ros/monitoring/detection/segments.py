@@ -80,6 +80,19 @@ class Segments:
         if self.all:
             self._from = reached - _way(self.all[-1])
 
+    def _join_stand(self, begins: float, goes: float) -> None:
+        """Let a stand be part of stops and goes, if the motion before it was not judged, and that after it goes on.
+
+        That begins at a place, and goes a way [rad].
+        """
+        between = len(self.all) > 1 and (self.all[-2].status, self.all[-1].status) == (
+            Status.NOT_JUDGED,
+            Status.AT_REST,
+        )
+        if between and _way(self.all[-2]) * goes > 0.0:
+            self._append(replace(self.all.pop(), status=Status.NOT_JUDGED, stops_and_goes=True))
+            self._from = begins - _way(self.all[-1])
+
     def _append(self, segment: Segment) -> None:
         """Add a stretch, joined with the one before if that is of the same status."""
         if segment.end <= segment.start:
@@ -91,28 +104,42 @@ class Segments:
             and 0.0 <= segment.start - last.end <= kernel.LONGEST_SILENCE
         ):
             velocity = (_way(last) + _way(segment)) / (segment.end - last.start)
-            stuck, travel = last.stuck + segment.stuck, last.travel + segment.travel
-            segment = replace(segment, start=self.all.pop().start, velocity=velocity, stuck=stuck, travel=travel)
+            segment = replace(
+                segment, start=self.all.pop().start, velocity=velocity, stuck=last.stuck + segment.stuck,
+                travel=last.travel + segment.travel, led=last.led + segment.led,
+                stops_and_goes=last.stops_and_goes or segment.stops_and_goes,
+            )  # fmt: skip
         self.all.append(segment)
 
     def _extend(self, rows: FloatArray, code: int) -> None:
         status = STATUS_OF[code]
         start, end = float(rows[0, kernel.BEGIN]), float(rows[-1, kernel.END])
+        if code == judgement.STOPS_AND_GOES:
+            begins, until = rows[0, [kernel.FROM, kernel.TO]].tolist()
+            self._join_stand(begins, until - begins)
         last = self.all[-1] if self.all else None
         # A joint that stands as soon as its samples can be measured stood before: waiting for samples is no motion.
         same = last is not None and (last.status is status or (self._unmeasured and status is Status.AT_REST))
         self._unmeasured = code == judgement.TOO_FEW
-        stuck, travel, until = 0.0, 0.0, start
+        stuck, travel, led, stops_and_goes, until = 0.0, 0.0, 0.0, False, start
         if last is not None and same and 0.0 <= start - last.end <= kernel.LONGEST_SILENCE:
             start, stuck, travel, until = last.start, last.stuck, last.travel, last.end
+            led, stops_and_goes = last.led, last.stops_and_goes
             self.all.pop()
         else:
             self._from = float(rows[0, kernel.FROM])
-        for row in rows if code == judgement.STUCK else ():
-            duration, until = float(row[kernel.END]) - until, float(row[kernel.END])
-            stuck, travel = stuck + duration, travel + abs(float(row[kernel.VELOCITY])) * duration
+        for end_of_slice, velocity in rows[:, [kernel.END, kernel.VELOCITY]].tolist():
+            duration, until = end_of_slice - until, end_of_slice
+            led += velocity * duration if math.isfinite(velocity) else 0.0
+            if code == judgement.STUCK:
+                stuck, travel = stuck + duration, travel + abs(velocity) * duration
         velocity = (float(rows[-1, kernel.TO]) - self._from) / (end - start) if end > start else 0.0
-        self.all.append(Segment(start=start, end=end, status=status, velocity=velocity, stuck=stuck, travel=travel))
+        self.all.append(
+            Segment(
+                start=start, end=end, status=status, velocity=velocity, stuck=stuck, travel=travel, led=led,
+                stops_and_goes=stops_and_goes,
+            )
+        )  # fmt: skip
 
 
 def _way(segment: Segment) -> float:

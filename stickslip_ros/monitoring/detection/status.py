@@ -174,6 +174,8 @@ class Segment:
     ----------
     start, end : [s]; velocity : mean velocity [rad/s].
     stuck : time of it in which the joint stood while its reference went on [s]; travel : of the reference then [rad].
+    led : way of the reference, 0 where there is none [rad].
+    stops_and_goes : whether it is not judged for that, and holds a stand between two motions.
     """
 
     start: float
@@ -182,3 +184,5 @@ class Segment:
     velocity: float
     stuck: float = 0.0
     travel: float = 0.0
+    led: float = 0.0
+    stops_and_goes: bool = False
