@@ -182,7 +182,7 @@ def test_slips_of_a_stroke_outweigh_a_smooth_return(
     assert main(["analyze", bag, "--no-learning"]) in (0, 2)
     said = capsys.readouterr().out
     assert "othing has to be done" not in said
-    assert "publish the reference to tell commanded stops from sticking" in said
+    assert "publish the reference that moves it to tell commanded stops from sticking" in said
 
 
 def test_the_share_is_of_moving_time() -> None:
