@@ -109,6 +109,7 @@ def files(cache: Path) -> set[tuple[str, float]]:
     return {(str(path), path.stat().st_mtime) for path in cache.rglob("*") if path.is_file() and path.name != "lock"}
 
 
+@pytest.mark.nightly
 def test_two_started_where_not_all_is_compiled(ros_domain: int, cache: Path, tmp_path: Path) -> None:
     """Issue 15: it listens at once, says how long it takes, compiles once for both, and misses no cycle."""
     motion = sticking_motion(20.0)

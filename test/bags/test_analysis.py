@@ -423,7 +423,7 @@ def test_a_recording_of_changing_speed_is_analysed_to_its_end(
     assert "No gains can be advised: " in capsys.readouterr().out
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_memory_does_not_grow_with_the_bag(tmp_path: Path) -> None:
     """Issue 6: a bag is read as a stream: eight times the length costs no more memory."""
     import subprocess

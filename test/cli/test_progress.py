@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 from bags.support_bags import WITHOUT_LEARNING, simulated_bag
-from conftest import LIMIT
+from conftest import LIMIT, nightly
 
 from stickslip_ros.analysis import fleet
 from stickslip_ros.cli.main import main
@@ -54,7 +54,7 @@ def bags(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return [simulated_bag(folder / f"{name}.mcap", names=("a", "b", "c"), duration=60.0) for name in "xyz"]
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize("jobs", [1, nightly(2)])
 def test_progress_within_a_bag(jobs: int, bags: list[Path], monkeypatch: pytest.MonkeyPatch) -> None:
     """Issue 22, item 6: while a bag is read its part counts; how far it is never goes back, and ends with all."""
     monkeypatch.setattr(fleet, "_LOOKED_EVERY", 0.002)

@@ -46,6 +46,7 @@ def test_a_robot_that_is_killed_and_comes_back_after_half_a_minute(ros_domain: i
         assert "Traceback" not in monitor.output()
 
 
+@pytest.mark.nightly
 def test_a_network_that_is_cut_and_mended(ros_domain: int) -> None:
     """Issue 7: a robot and a monitor on two hosts (network namespaces), twelve seconds without a cable."""
     if shutil.which("ip") is None:

@@ -110,6 +110,7 @@ _BANDS_OF_A_SPEED = 10.0  # way that a speed is measured over, bands: a band mor
 _BRIEFEST = 0.02  # duration of a dip, of the motion that is judged: less than half a cycle of the fastest stick-slip
 _AGAIN = 5  # dips in the motion that is judged, 1: faster than a person moves, or most joints ring when they set off
 LEAST_READINGS = 20.0  # readings in the motion that is judged, 1: stick-slip has up to 10 cycles a second
+_START = 0.25  # start from rest or from a turn, of the motion needed: that it swings there is no dip
 _LEAST_CROSSINGS = 20  # crossings in the motion that is searched for dips and steps, 1: at least
 _SAMPLES_SEARCHED = 9.0 * _AGAIN  # samples that are searched for dips, 1: nine of each cycle
 _STEPPED = 24  # crossings that show whether a joint steps, 1
@@ -413,7 +414,7 @@ def judge(rest, motion, detector, remembers):
     if not motion.interval * (LEAST_READINGS - 0.5) <= motion.window:
         return FEW_READINGS, 1.0 / motion.interval, LEAST_READINGS / motion.window
     # In fewer crossings or samples neither a dip nor a step is seen: motion is searched so far back that it has enough.
-    since = max(motion.turned, began)
+    since = max(motion.turned, began) + _START * needed
     if detector.head < _LEAST_CROSSINGS or _crossing_time(_LEAST_CROSSINGS, detector) < since:
         return FEW_COUNTS, 0.0, 0.0
     enough = min(now - _SAMPLES_SEARCHED * motion.interval, _crossing_time(_LEAST_CROSSINGS, detector))
