@@ -365,9 +365,11 @@ class _Case:
 
     def _damping_factor(self, total: float, before: float) -> float:
         """Total damping over that of before; NaN where two of its errors are more than the wanted reserve."""
+        if total == before:
+            return 1.0
         if 2.0 * self._damping_error > math.log1p(self._limits.wanted_margin):
             return math.nan
-        return total / before if before > 0 else (1.0 if total == before else math.inf)
+        return total / before if before > 0 else math.inf
 
     def _reserve(self, gains: Gains) -> float:
         groups = dimensionless_groups(self._joint, gains, self._slowest)
