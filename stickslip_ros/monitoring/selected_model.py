@@ -243,10 +243,6 @@ def uncertainty_of(margin: StabilityMargin, selected: SelectedModel, velocity: f
     """Standard error of the energy margin [M x˙_s²] and the probability of stick-slip by Eq. (43); NaN if unknown."""
     if selected.uncertainty is None or not margin.applicable:
         return math.nan, math.nan
-    gains = Gains(
-        stiffness=float(selected.gains.stiffness) * selected.uncertainty.stiffness,
-        damping=selected.gains.damping,
-    )
-    draws = stability_margin(selected.uncertainty.joint, gains, velocity)
+    draws = stability_margin(selected.uncertainty.joint, selected.uncertainty.drawn(selected.gains), velocity)
     probability = selected.uncertainty.bounded(float(np.mean(~np.asarray(draws.smooth))))
     return float(np.std(np.asarray(draws.energy_margin))), probability

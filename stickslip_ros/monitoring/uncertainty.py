@@ -60,17 +60,19 @@ class Uncertainty:
         """A probability of a result, no nearer to 0 and 1 than the least error probability allows; NaN stays NaN."""
         return min(max(probability, self.error_floor), 1.0 - self.error_floor)
 
+    def drawn(self, gains: Gains) -> Gains:
+        """Nominal gains as they are in each draw of this law, without integral action."""
+        return Gains(stiffness=float(gains.stiffness) * self.stiffness, damping=gains.damping)
+
     def damping_error(self, gains: Gains, nominal: float) -> float:
         """Root mean square of ln(total damping / ``nominal`` [N·m·s/rad]) over draws and laws."""
-        drawn = Gains(stiffness=float(gains.stiffness) * self.stiffness, damping=gains.damping)
-        ratios = np.asarray(self.joint.total_damping(drawn)) / max(nominal, TINY)
+        ratios = np.asarray(self.joint.total_damping(self.drawn(gains))) / max(nominal, TINY)
         square = self.weight * float(np.mean(np.log(np.maximum(ratios, TINY)) ** 2))
         return math.sqrt(square + sum(other.damping_error(gains, nominal) ** 2 for other in self.others))
 
     def groups(self, gains: Gains, velocity: float) -> DimensionlessGroups:
         """The dimensionless groups of the draws of this law, under nominal gains at a velocity [rad/s]."""
-        drawn = Gains(stiffness=float(gains.stiffness) * self.stiffness, damping=gains.damping)
-        return dimensionless_groups(self.joint, drawn, velocity)
+        return dimensionless_groups(self.joint, self.drawn(gains), velocity)
 
     def damping_reserves(self, gains: Gains, velocity: float) -> FloatArray:
         """Relative damping reserves ρ/ρ_c − 1 by integration, of some draws of this law; NaN without an answer."""

@@ -247,7 +247,7 @@ def slowest_share(since, detector):
             speed = way / elapsed
             lowest = min(lowest, speed)
             if speed >= mean:
-                dips += 1 if fast and lowest < DIP_AGAIN * mean else 0
+                dips += 1 if lowest < DIP_AGAIN * mean else 0
                 lowest = np.inf
     return min(slowest / mean, 1.0), dips
 

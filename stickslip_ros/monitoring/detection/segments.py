@@ -121,25 +121,19 @@ class Segments:
         # A joint that stands as soon as its samples can be measured stood before: waiting for samples is no motion.
         same = last is not None and (last.status is status or (self._unmeasured and status is Status.AT_REST))
         self._unmeasured = code == judgement.TOO_FEW
-        stuck, travel, led, stops_and_goes, until = 0.0, 0.0, 0.0, False, start
+        begun = Segment(start=start, end=start, status=status, velocity=0.0)
         if last is not None and same and 0.0 <= start - last.end <= kernel.LONGEST_SILENCE:
-            start, stuck, travel, until = last.start, last.stuck, last.travel, last.end
-            led, stops_and_goes = last.led, last.stops_and_goes
-            self.all.pop()
+            begun = self.all.pop()
         else:
             self._from = float(rows[0, kernel.FROM])
+        start, until, stuck, travel, led = begun.start, begun.end, begun.stuck, begun.travel, begun.led
         for end_of_slice, velocity in rows[:, [kernel.END, kernel.VELOCITY]].tolist():
             duration, until = end_of_slice - until, end_of_slice
             led += velocity * duration if math.isfinite(velocity) else 0.0
             if code == judgement.STUCK:
                 stuck, travel = stuck + duration, travel + abs(velocity) * duration
         velocity = (float(rows[-1, kernel.TO]) - self._from) / (end - start) if end > start else 0.0
-        self.all.append(
-            Segment(
-                start=start, end=end, status=status, velocity=velocity, stuck=stuck, travel=travel, led=led,
-                stops_and_goes=stops_and_goes,
-            )
-        )  # fmt: skip
+        self.all.append(replace(begun, end=end, status=status, velocity=velocity, stuck=stuck, travel=travel, led=led))
 
 
 def _way(segment: Segment) -> float:
