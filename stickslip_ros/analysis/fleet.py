@@ -28,6 +28,7 @@ from stickslip_ros.analysis.analysis_json import bag_json
 from stickslip_ros.analysis.report.report import write_report
 from stickslip_ros.bags.lerobot import episodes, is_data_set
 from stickslip_ros.bags.storage.formats import files_of, is_bag_file, is_bag_folder
+from stickslip_ros.compilation import without_linear_algebra
 from stickslip_ros.errors import StickSlipError, in_words
 from stickslip_ros.files import write_whole
 from stickslip_ros.interrupts import check, take_signals, without_interrupts
@@ -231,6 +232,7 @@ def _begin(parent: int, shares: Any) -> None:
     _shares = shares
     take_signals([signal.SIGTERM])
     die_with_parent(parent)
+    without_linear_algebra()
 
 
 def _answer_of(number: int, task: BagTask) -> TimedAnswer:

@@ -22,6 +22,7 @@ from threading import Thread
 from time import monotonic
 from typing import Any, Generic, TypeVar
 
+from stickslip_ros.compilation import without_linear_algebra
 from stickslip_ros.interrupts import without_interrupts
 from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import Gains
@@ -189,6 +190,7 @@ class SlowWork:
 def _begin(parent: int) -> None:
     os.nice(NICENESS)
     die_with_parent(parent)
+    without_linear_algebra()
 
 
 class Background(Generic[Question, Answer]):
