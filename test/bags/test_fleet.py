@@ -153,12 +153,11 @@ def test_an_interrupted_run_resumes(fleet: Path, tmp_path: Path, capsys: pytest.
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[str]:
     """Address of a real Dask scheduler with two worker processes on this machine, which are begun anew if killed."""
-    with (
-        LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1",
-            silence_logs=50,
-        ) as local,
-    ):  # fmt: skip
+    # Any free port for its pages: even without a dashboard it would be 8787, which others may have.
+    with LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0", host="127.0.0.1",
+        silence_logs=50,
+    ) as local:  # fmt: skip
         yield local.scheduler_address
 
 
