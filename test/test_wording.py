@@ -15,6 +15,7 @@ from stickslip_ros.monitoring.detection.status import (
     Finding,
     Hunting,
     NoSamples,
+    NotFollowing,
     Reason,
     Reversing,
     SampledTooSlowly,
@@ -45,6 +46,11 @@ SENTENCES: list[tuple[Reason | None, str]] = [
     (Reversing(), "reversing"),
     (TooShort(moving=0.5, needed=2.345), "only 0.50 s of motion, 2.35 s are needed"),
     (StopsAndGoes(), "stops and goes; publish the reference that moves it to tell commanded stops from sticking"),
+    (
+        NotFollowing(share=-0.512),
+        "moves 0.51 times as far as its reference, the other way: check that the reference is this joint's own, "
+        "in its unit",
+    ),
     (TooCoarse(counts=4.2), "the encoder is too coarse: 4 counts a slip"),
     (TooCoarse(counts=math.nan), "the encoder is too coarse: too few counts a slip"),
     (TooFewCounts(), "the joint has moved by too few counts of its encoder"),

@@ -26,7 +26,6 @@ from stickslip_ros.monitoring.detection.status import (
     Segment,
     SpeedFalls,
     Status,
-    StopsAndGoes,
     Stuck,
 )
 from stickslip_ros.monitoring.friction.sliding import sliding_points
@@ -114,9 +113,9 @@ class JointAnalysis:
         return judgement.moving_time(self.segments)
 
     @property
-    def stops_and_goes(self) -> float:
-        """How long the joint stopped and went without a reference that tells why [s]."""
-        return judgement.stops_and_goes(self.segments)
+    def caveat(self) -> tuple[Reason | None, float]:
+        """Why most of the time that bears on the whole was not judged, and how long that was so [s]."""
+        return judgement.caveat(self.segments)
 
     @property
     def stick_slip_share(self) -> float:
@@ -187,8 +186,9 @@ class JointAnalyzer:
         status, worst = judgement.overall_status(segments, band), judgement.worst_status(segments, band)
         stuck, why = judgement.stuck(segments, band), self.monitor.why_not_judged()
         not_judged = judgement.time_in(segments, Status.NOT_JUDGED)
-        if judgement.stops_and_goes(segments) > 0.5 * not_judged:
-            why = StopsAndGoes()
+        caveat, unsettled = judgement.caveat(segments)
+        if unsettled > 0.5 * not_judged:
+            why = caveat
         if stuck is not None and stuck.duration > not_judged:
             why = stuck
         # Advice is for where it is wanted: at the speed at which it went worst.

@@ -8,11 +8,14 @@
 ``stick_slip``, ``at_risk`` and ``smooth`` the one of the longest time, of two of the same time the more severe. That
 time must be a fifth of the moving time: what an arm that stops and goes did in between says nothing of the whole. A
 joint of which less was judged is ``not_judged`` if it moved for half a second, else ``at_rest`` if it stood, else
-``unknown``. One that was smooth or at risk, and for longer stuck, or stopped and went, is ``not_judged``, too.
+``unknown``. One that was smooth or at risk, and for longer stuck, stopped and went, or did not follow its reference, is
+``not_judged``, too.
 **Stuck** is a joint that stands for half a second or more while its reference goes on, but for where it turns round:
 where its motions before and after, flicker aside, go opposite ways, and the one before was not against its reference.
 **Stops and goes** are motions one way, each too short to be judged, with the stands between them, where no reference
 tells commanded stops from sticking; they count as ``not_judged``, and as moving time, as the dwells of stick-slip do.
+**Does not follow** is motion of less than two thirds or more than one and a half times the way of a reference that goes
+on evenly, or the opposite way: no motion of that reference's joint.
 **The worst status** is the most severe that occurred, by the order of ``SEVERITY``: stick-slip however short, since it
 takes cycles; any other if it lasted half a second without a break, or is the status.
 **A transient** is stick-slip that dies out: a joint that stuck a few times after starting, and moved smoothly from then
@@ -29,7 +32,7 @@ from dataclasses import dataclass
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection._swing_kernel import FLICKER
 from stickslip_ros.monitoring.detection.cycles import Cycle
-from stickslip_ros.monitoring.detection.status import Segment, Status, Stuck, TooFewSamples
+from stickslip_ros.monitoring.detection.status import NotFollowing, Segment, Status, StopsAndGoes, Stuck, TooFewSamples
 
 # The most severe first.
 SEVERITY = (
@@ -78,7 +81,7 @@ def overall_status(segments: Sequence[Segment], band: float = 0.0) -> Status:
     # Of equal times max() takes the first, which is the more severe.
     most = max(JUDGED, key=times.__getitem__)
     seen = stuck(segments, band)
-    perhaps_stuck = stops_and_goes(segments) + (seen.duration if seen is not None else 0.0)
+    perhaps_stuck = caveat(segments)[1] + (seen.duration if seen is not None else 0.0)
     if most is not Status.STICK_SLIP and perhaps_stuck > times[most] > 0.0:
         return Status.NOT_JUDGED
     if sum(times[status] for status in JUDGED) >= _LEAST_SHARE * moving_time(segments) > 0.0:
@@ -114,9 +117,13 @@ def stuck(segments: Sequence[Segment], band: float = 0.0) -> Stuck | None:
     return Stuck(duration=sum(time for time, _ in stands), travel=sum(travel for _, travel in stands))
 
 
-def stops_and_goes(segments: Sequence[Segment]) -> float:
-    """How long the joint stopped and went without a reference that tells why, see the module [s]."""
-    return sum(one.end - one.start for one in segments if one.stops_and_goes and one.status is Status.NOT_JUDGED)
+def caveat(segments: Sequence[Segment]) -> tuple[StopsAndGoes | NotFollowing | None, float]:
+    """Why most of the time that bears on the whole was not judged, see the module, and how long that was so [s]."""
+    unsettled = [one for one in segments if one.caveat is not None and one.status is Status.NOT_JUDGED]
+    of_kind = [[one for one in unsettled if isinstance(one.caveat, kind)] for kind in (StopsAndGoes, NotFollowing)]
+    most = max(of_kind, key=moving_time)
+    longest = max(most, key=lambda one: one.end - one.start, default=None)
+    return (longest.caveat if longest is not None else None), moving_time(most)
 
 
 def worst_status(segments: Sequence[Segment], band: float = 0.0) -> Status:

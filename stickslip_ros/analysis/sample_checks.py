@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
 """Samples of a joint that cannot be what was measured, although each of them could: values that are republished, single
-wrong ones, velocities that contradict the positions. They are named; nothing is left out for them.
+wrong ones, velocities that contradict the positions, references in another unit. They are named; nothing is left out
+for them.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ _FEWEST_STRETCHES = 10
 _LEAST_FACTOR, _LARGEST_FACTOR = 0.6, 1.7
 _LEAST_CORRELATION = 0.5
 _DEGREES = 180.0 / math.pi
+_ANOTHER_UNIT = 10.0  # extent of a reference, of that of the motion, 1: from which on a joint hardly follows it
 _REFERENCE_FOLLOWS = "what is published as its reference only repeats what is measured, and does not count"
 
 
@@ -54,9 +56,12 @@ class SampleChecks:
         self._all_fields = False
         self._ways: list[tuple[float, float]] = []  # by position, and by velocity [rad]
         self._period = math.nan
+        self._extents = np.array([[math.inf, -math.inf]] * 2)  # of position and reference, lowest and highest [rad]
 
     def add(self, batch: Batch) -> None:
         """Take usable samples."""
+        for extent, values in zip(self._extents, (batch.position, batch.reference_position), strict=True):
+            extent[:] = np.fmin.reduce(values, initial=extent[0]), np.fmax.reduce(values, initial=extent[1])
         columns = np.stack([batch.time, batch.position, batch.velocity, batch.effort])
         self._waiting.append(columns)
         self._count += columns.shape[1]
@@ -72,7 +77,8 @@ class SampleChecks:
         if self._count:
             self._check_block(np.concatenate(self._waiting, axis=1))
             self._waiting, self._count = [], 0
-        return [text for text in (self._single(), self._republished(), self._contradiction()) if text]
+        texts = (self._single(), self._republished(), self._contradiction(), self._reference_in_another_unit())
+        return [text for text in texts if text]
 
     def _check_block(self, block: FloatArray) -> None:
         self._samples += block.shape[1]
@@ -155,12 +161,20 @@ class SampleChecks:
             return "its velocity has the other sign than the change of its position"
         if _LEAST_FACTOR < factor < _LARGEST_FACTOR:
             return ""
-        unit = ""
-        if abs(math.log(factor / _DEGREES)) < 0.1:
-            unit = ": is the velocity in degrees?"
-        if abs(math.log(factor * _DEGREES)) < 0.1:
-            unit = ": is the position in degrees?"
-        return f"its velocity is {factor:.3g} times what its position says{unit}"
+        return f"its velocity is {factor:.3g} times what its position says{_in_degrees(factor, 'velocity')}"
+
+    def _reference_in_another_unit(self) -> str:
+        moved, led = self._extents[:, 1] - self._extents[:, 0]
+        if not (0.0 < moved < math.inf and 0.0 < led < math.inf) or 1.0 / _ANOTHER_UNIT < led / moved < _ANOTHER_UNIT:
+            return ""
+        return f"its reference moves {led / moved:.3g} times as far as it{_in_degrees(led / moved, 'reference')}"
+
+
+def _in_degrees(factor: float, name: str) -> str:
+    """The question that a factor between a quantity and what the position says of it leads to, "" for none."""
+    if abs(math.log(factor / _DEGREES)) < 0.1:
+        return f": is the {name} in degrees?"
+    return ": is the position in degrees?" if abs(math.log(factor * _DEGREES)) < 0.1 else ""
 
 
 def _wrong_samples(position: FloatArray) -> int:

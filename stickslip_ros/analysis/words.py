@@ -13,7 +13,7 @@ from stickslip_ros.analysis.judgement import NOT_JUDGED, lacks_data
 from stickslip_ros.bags.topics import Topics
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.units import unit_of
-from stickslip_ros.monitoring.detection.status import Finding, Status, StopsAndGoes
+from stickslip_ros.monitoring.detection.status import Finding, Status
 from stickslip_ros.output.wording import (
     angle_text,
     dry_friction_text,
@@ -34,7 +34,7 @@ _MATTERS = (Status.STICK_SLIP, Status.AT_RISK)
 
 def matters(joint: JointAnalysis) -> bool:
     """Whether something may have to be done: whether the joint stuck, or may have stuck, or was at risk."""
-    perhaps_stuck = joint.status is Status.SMOOTH and joint.stops_and_goes > 0.0
+    perhaps_stuck = joint.status is Status.SMOOTH and joint.caveat[1] > 0.0
     return joint.worst in _MATTERS or joint.stuck is not None or perhaps_stuck
 
 
@@ -83,14 +83,15 @@ def finding(joint: JointAnalysis) -> str:
             f"; for {share} of its moving time{f',{speed},' if speed else ''} its speed fell below a fifth of its mean"
         )
     text += _unseen([joint]) if joint.status is Status.SMOOTH and joint.worst is Status.SMOOTH else ""
-    return f"{text}.{_in_the_end(joint)}{_stuck(joint)}{_stops_and_goes(joint)}"
+    return f"{text}.{_in_the_end(joint)}{_stuck(joint)}{_caveat(joint)}"
 
 
-def _stops_and_goes(joint: JointAnalysis) -> str:
-    """That it did so beside what its status says."""
-    if joint.status is Status.NOT_JUDGED or joint.stops_and_goes == 0.0:
+def _caveat(joint: JointAnalysis) -> str:
+    """That it stopped and went, or did not follow, beside what its status says."""
+    caveat, lasted = joint.caveat
+    if joint.status is Status.NOT_JUDGED or caveat is None:
         return ""
-    return f" For {joint.stops_and_goes:.2g} s it {reason_text(Finding(status=joint.status, reason=StopsAndGoes()))}."
+    return f" For {lasted:.2g} s it {reason_text(Finding(status=joint.status, reason=caveat))}."
 
 
 def _stuck(joint: JointAnalysis) -> str:

@@ -29,6 +29,7 @@ from stickslip_ros.monitoring.detection.status import (
     Finding,
     Hunting,
     NoSamples,
+    NotFollowing,
     Reason,
     Reversing,
     SampledTooSlowly,
@@ -393,6 +394,8 @@ class JointMonitor:
             reason = Reversing() if record is None else Reversing(record=record)
         elif code == judgement.STOPS_AND_GOES:
             reason = StopsAndGoes()
+        elif code == judgement.NOT_FOLLOWING:
+            reason = NotFollowing(share=first)
         elif code == judgement.TOO_SHORT:
             reason = TooShort(moving=first, needed=second)
         elif code == judgement.STEPS_OF_COUNTS:

@@ -173,6 +173,9 @@ def reason_text(finding: Finding) -> str:
             return f"only {moving:.2f} s of motion, {needed:.2f} s are needed"
         case reasons.StopsAndGoes():
             return "stops and goes; publish the reference that moves it to tell commanded stops from sticking"
+        case reasons.NotFollowing(share=share):
+            way = f"moves {abs(share):.2g} times as far as its reference{', the other way' if share < 0.0 else ''}"
+            return f"{way}: check that the reference is this joint's own, in its unit"
         case reasons.TooCoarse(counts=counts):
             return f"the encoder is too coarse: {f'{counts:.0f}' if math.isfinite(counts) else 'too few'} counts a slip"
         case reasons.TooFewCounts():

@@ -14,7 +14,9 @@ import numpy as np
 import pytest
 from support_bags import JOINT_STATE, STORE, joint_state, write_mcap
 
+from stickslip_ros.analysis.sample_checks import SampleChecks
 from stickslip_ros.cli.main import main
+from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.output.wording import angle_text
 
 
@@ -83,6 +85,22 @@ def test_samples_that_cannot_be_right(
     _, warnings, _ = _warnings(tmp_path / "a.mcap", _messages(position, velocity), capsys)
     assert said in warnings
     assert bool(warnings) == bool(said), warnings
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [
+        (180.0 / math.pi, "its reference moves 57.3 times as far as it: is the reference in degrees?"),
+        (math.pi / 180.0, "its reference moves 0.0175 times as far as it: is the position in degrees?"),
+        (1000.0, "its reference moves 1e+03 times as far as it"),
+        (2.0, ""),
+    ],
+)
+def test_a_reference_in_another_unit_is_named(factor: float, said: str) -> None:
+    """It hid stick-slip: 60 slips were slower than their reference in degrees, and no word said why."""
+    checks = SampleChecks()
+    checks.add(Batch(time=0.01 * np.arange(2000), position=SWING, reference_position=factor * SWING))
+    assert checks.problems() == ([said] if said else [])
 
 
 def test_a_bag_without_positions(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -425,3 +425,22 @@ def test_a_few_slips_the_other_way_do_not_halve_the_friction(puma: Joint, others
     assert learnt.estimate.coulomb.value == pytest.approx(8.43, rel=0.02)
     load = learnt.estimate.load.value
     assert math.isnan(load) if others < 3 else abs(load) < 0.1
+
+
+def test_slips_against_their_reference_end_no_study() -> None:
+    """No slip can be simulated with the reference of another joint, here the mirrored one; analyze had a traceback."""
+    time = 0.01 * np.arange(4000)
+    way = np.zeros_like(time)
+    reference = np.zeros_like(time)
+    for begin, direction in ((1.0, 1.0), (20.0, -1.0)):
+        reference -= direction * 0.02 * np.clip(time - begin, 0.0, 18.0)
+        for number in range(1, 31):
+            share = np.clip((time - begin - 0.6 * number) / 0.25, 0.0, 1.0)
+            way += direction * 0.006 * (1.0 - np.cos(np.pi * share))
+    monitor = JointMonitor()
+    monitor.process(Batch(time=time, position=5e-5 * np.round(way / 5e-5), reference_position=reference))
+    monitor.finish()
+    monitor.learn()
+    estimate = monitor.assessment().estimate
+    assert monitor.cycle_count == 60
+    assert estimate is None or not estimate.usable

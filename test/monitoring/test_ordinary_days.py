@@ -24,6 +24,7 @@ from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import (
     Finding,
     Hunting,
+    NotFollowing,
     SampledTooSlowly,
     Segment,
     SpeedFalls,
@@ -87,6 +88,56 @@ def test_what_came_before_hides_nothing(puma: Joint, way: float, with_reference:
     # Without a reference a dwell of unknown length comes before the first slip, which therefore is no evidence.
     begin = slips[1 if with_reference else 2][0]
     assert spent(segments, Status.STICK_SLIP, begin, slips[-1][1]) > 0.98 * (slips[-1][1] - begin)
+
+
+@pytest.mark.parametrize("share", [0.5, -1.0, -0.2, 0.017, 1.6])
+def test_a_joint_that_does_not_go_with_its_reference_is_no_smooth_one(share: float) -> None:
+    """Half as far, or the other way: another joint's reference, or in another unit, or a joint that sags."""
+    time = 0.01 * np.arange(2400)
+    way = 0.1 * np.clip(time - 2.0, 0.0, 10.0)
+    position = rounded(share * 0.1 * np.clip(time - 2.05, 0.0, 10.0))
+    _, segments, monitor = watch(Batch(time=time[:1000], position=position[:1000], reference_position=way[:1000]))
+    assert not spent(segments, Status.SMOOTH)
+    finding = monitor.finding()
+    assert finding.status is Status.NOT_JUDGED
+    assert isinstance(finding.reason, NotFollowing)
+    assert finding.reason.share == pytest.approx(share, rel=0.02)
+
+
+@pytest.mark.parametrize("share", [0.8, 1.0, 1.2])
+def test_a_joint_that_lags_or_catches_up_is_judged(share: float) -> None:
+    """So does one whose reference steps from goal to goal while it moves, or whose velocity alone is known."""
+    time = 0.01 * np.arange(1000)
+    way = 0.1 * np.clip(time - 2.0, 0.0, 10.0)
+    position = rounded(share * 0.1 * np.clip(time - 2.3, 0.0, 10.0))
+    goals = np.where(way > 0.0, 0.5 * np.ceil(2.0 * way), 0.0)
+    for reference in (way, goals, -goals):
+        _, segments, _ = watch(Batch(time=time, position=position, reference_position=reference))
+        assert spent(segments, Status.SMOOTH) > 6.0
+
+
+def test_moves_that_steps_command_are_commanded() -> None:
+    """The reference steps to and fro just before the joint sets off; "publish the reference" was no help there."""
+    time = 0.002 * np.arange(13000)
+    reference, position = np.zeros_like(time), np.zeros_like(time)
+    for number in range(20):
+        begin, way = 1.2 * (number + 1), 1.0 if number % 2 else -1.0
+        reference += way * (time >= begin)
+        position += way * 0.5 * (1.0 - np.cos(np.pi * np.clip((time - begin - 0.01) / 0.1, 0.0, 1.0)))
+    _, segments, _ = watch(Batch(time=time, position=rounded(position, 3e-4), reference_position=reference))
+    assert all(one.caveat is None for one in segments)
+
+
+@pytest.mark.parametrize("drift", [0.0, 1e-9])
+def test_the_rounding_of_a_reference_leaves_no_joint_behind(drift: float) -> None:
+    """A joint that never moved has no band yet; it was stuck while its reference moved by 2e-10 rad."""
+    time = 0.01 * np.arange(2000)
+    jitter = np.cumsum(np.random.default_rng(0).standard_normal(2000)) * 1e-12
+    _, segments, _ = watch(
+        Batch(time=time, position=np.full(2000, 0.5), reference_position=0.5 + jitter + drift * time)
+    )
+    assert {one.status for one in segments} <= {Status.AT_REST, Status.NOT_JUDGED}
+    assert not any(one.stuck for one in segments)
 
 
 @pytest.mark.parametrize("days", [8, nightly(24)])

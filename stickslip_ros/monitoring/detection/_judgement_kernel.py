@@ -94,8 +94,8 @@ MOTION = np.dtype(
 # What the motion shows.
 (
     TOO_FEW, STICKS, AT_REST, STUCK, REVERSING, TOO_SHORT, STOPS_AND_GOES, DIPS, MOVES, STEPS_OF_COUNTS, FEW_COUNTS,
-    FEW_READINGS,
-) = range(12)  # fmt: skip
+    FEW_READINGS, NOT_FOLLOWING,
+) = range(13)  # fmt: skip
 
 PERIODS_TO_TRUST = 2.0  # duration of motion, cycle or natural periods: with less it is not called smooth
 _OUTLIVES = 2.0  # time, way or dwell, of that of the longest recent slip: with more what was found says nothing of now
@@ -103,6 +103,10 @@ _CYCLES_AT_MOST = 1.9  # the same, usual cycles: not two, since an arrest is see
 _RECENT_STOPS = 10.0  # age of a stop, of the motion needed
 _CYCLES_FOR_STICK_SLIP = 2  # cycles in a row, 1
 _TRAVELLED = 10.0  # way, bands: with more, and still going, a reference has left a joint at rest behind
+_FINEST = 2.0 * np.pi / 2**24  # band of a joint that has never moved, rad: a count of the finest encoders
+_EVEN = 1.5  # fastest part of a reference, of its mean speed, 1: at most, where the joint has to go with it
+_WITH_IT = (2.0 / 3.0, 1.5)  # way of a joint, of that of its reference: within, it goes with it
+_LONG_ENOUGH = 3.0  # motion in which it has to, of the motion needed: slow changes of its speed are smooth
 # Of the mean speed: what a dip must fall below, once or again and again, for the joint to be at risk.
 _DIP, DIP_AGAIN = 0.2, 0.7
 _DEEPER = 0.5  # slowest share, of the reference's own: at most
@@ -309,6 +313,33 @@ def travel_since(time, motion):
     return travel if np.isfinite(travel) else 0.0
 
 
+@helper()
+def _reference_stands(since, motion):
+    """Whether the reference has not moved since a time, or is unknown."""
+    for n in range(motion.entries - 1, max(-1, motion.entries - PAST - 1), -1):
+        if abs(motion.past[n % PAST, WAY] - motion.way) > 0.0:
+            return not motion.travels
+        if motion.past[n % PAST, TIME] <= since:
+            break
+    return True
+
+
+@inlined()
+def share_of_reference(since, motion, detector):
+    """Way of the joint since a time, of its reference's, negative if they go opposite ways; 1 if that is not even."""
+    newest, begin, fastest = motion.entries - 1, motion.entries - 1, 0.0
+    while begin > max(0, motion.entries - PAST) and motion.past[(begin - 1) % PAST, TIME] >= since:
+        now, before = begin % PAST, (begin - 1) % PAST
+        elapsed = motion.past[now, TIME] - motion.past[before, TIME]
+        fastest = max(fastest, abs(motion.past[now, WAY] - motion.past[before, WAY]) / elapsed)
+        begin -= 1
+    now, before = newest % PAST, begin % PAST
+    way, duration = motion.past[now, WAY] - motion.past[before, WAY], motion.past[now, TIME] - motion.past[before, TIME]
+    if not (abs(way) > _TRAVELLED * detector.position.band and fastest * duration <= _EVEN * abs(way)):
+        return 1.0
+    return (motion.past[now, PLACE] - motion.past[before, PLACE]) / way
+
+
 @compiled()
 def mean_velocity(window, motion):
     """Mean velocity of the joint over the last ``window`` seconds; NaN if unknown."""
@@ -395,17 +426,17 @@ def judge(rest, motion, detector, remembers):
     left = motion.last_breakaway if np.isfinite(motion.last_breakaway) else motion.first_time
     if np.isfinite(rest) or detector.head <= 1:
         since = rest if np.isfinite(rest) else motion.first_time
-        # Of a joint that has never moved no band is known.
         travel, band = travel_since(since, motion), detector.position.band
-        band = band if np.isfinite(band) else 0.0
+        band = band if 0.0 < band < np.inf else _FINEST
         goes_on = travel_since(max(since, now - motion.window), motion) > band
         return STUCK if travel > _TRAVELLED * band and goes_on else AT_REST, now - since, travel
     # A rest is known in full only some time after its end.
     began = max(left, motion.rested_at)
     moving, needed = now - max(motion.turned, began), motion.needed
-    # A reference that stood all the while commanded neither stop nor motion; it counts as unknown.
+    # A reference that stood all the while commanded neither stop nor motion; it counts as unknown. One that stepped
+    # just before the joint set off commanded that.
     recently = now - motion.stop_before <= _RECENT_STOPS * needed
-    stops_and_goes = recently and travel_since(motion.stop_before, motion) == 0.0
+    stops_and_goes = recently and _reference_stands(motion.stop_before - motion.window, motion)
     if moving < needed:
         if stops_and_goes:
             return STOPS_AND_GOES, 0.0, 0.0
@@ -414,11 +445,11 @@ def judge(rest, motion, detector, remembers):
     if not motion.interval * (LEAST_READINGS - 0.5) <= motion.window:
         return FEW_READINGS, 1.0 / motion.interval, LEAST_READINGS / motion.window
     # In fewer crossings or samples neither a dip nor a step is seen: motion is searched so far back that it has enough.
-    since = max(motion.turned, began) + _START * needed
-    if detector.head < _LEAST_CROSSINGS or _crossing_time(_LEAST_CROSSINGS, detector) < since:
+    begun = max(motion.turned, began) + _START * needed
+    if detector.head < _LEAST_CROSSINGS or _crossing_time(_LEAST_CROSSINGS, detector) < begun:
         return FEW_COUNTS, 0.0, 0.0
     enough = min(now - _SAMPLES_SEARCHED * motion.interval, _crossing_time(_LEAST_CROSSINGS, detector))
-    since = max(min(now - needed, enough), since)
+    since = max(min(now - needed, enough), begun)
     dip, dips = slowest_share(since, detector)
     code, number = MOVES, dip
     if dips >= _AGAIN and dip >= _DIP:
@@ -432,6 +463,10 @@ def judge(rest, motion, detector, remembers):
         counts = _counts_of_a_step(began, motion, detector)
         if counts > 0.0:
             code, number = STEPS_OF_COUNTS, counts
+    if code == MOVES:
+        share = share_of_reference(max(begun, now - _LONG_ENOUGH * needed), motion, detector)
+        if not _WITH_IT[0] <= share <= _WITH_IT[1]:
+            return NOT_FOLLOWING, share, 0.0
     if code == MOVES and now - motion.uneven_at < motion.needed:
         return motion.uneven, motion.unevenness, 0.0
     if remembers and code != MOVES:

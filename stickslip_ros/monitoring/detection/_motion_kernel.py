@@ -28,7 +28,7 @@ _LOOK_AGAIN = 1.4  # time that a joint stands, of that at the last look: with mo
 ENDED, LOW_SPEED, STANDS, SWUNG, SILENT = range(5)
 
 # Columns of what is reported of a slice.
-BEGIN, END, CODE, FROM, TO, VELOCITY = range(6)
+BEGIN, END, CODE, NUMBER, FROM, TO, VELOCITY = range(7)
 SLICE_COLUMNS = VELOCITY + 1
 
 # Whether a reference repeats what was measured.
@@ -105,7 +105,7 @@ def close_slice(slices, motion, detector):
     rest = judgement.open_rest(motion.window, detector)
     if np.isfinite(rest):
         motion.rested_at, motion.rest_began = now, rest
-    code, _, _ = judgement.judge(rest, motion, detector, True)
+    code, number, _ = judgement.judge(rest, motion, detector, True)
     stands = code in (judgement.AT_REST, judgement.STUCK)
     if stands and rest > motion.slice_begin and abs(moved) > swings.FLICKER * detector.position.band:
         # It came to rest within the slice, after the end of a motion or after a step.
@@ -118,7 +118,7 @@ def close_slice(slices, motion, detector):
         velocity = judgement.mean_velocity(motion.window, motion)
     row = motion.closed
     slices[row, BEGIN], slices[row, END] = motion.slice_begin, now
-    slices[row, CODE], slices[row, VELOCITY] = code, velocity
+    slices[row, CODE], slices[row, NUMBER], slices[row, VELOCITY] = code, number, velocity
     slices[row, FROM], slices[row, TO] = motion.last_position, motion.position
     motion.closed += 1
     motion.slice = np.nan

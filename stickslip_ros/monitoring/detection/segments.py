@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.monitoring.detection import _judgement_kernel as judgement
 from stickslip_ros.monitoring.detection import _motion_kernel as kernel
-from stickslip_ros.monitoring.detection.status import Segment, Status
+from stickslip_ros.monitoring.detection.status import NotFollowing, Segment, Status, StopsAndGoes
 from stickslip_ros.monitoring.samples import FloatArray
 
 STATUS_OF = {
@@ -30,6 +30,7 @@ STATUS_OF = {
     judgement.STEPS_OF_COUNTS: Status.NOT_JUDGED,
     judgement.FEW_COUNTS: Status.NOT_JUDGED,
     judgement.FEW_READINGS: Status.NOT_JUDGED,
+    judgement.NOT_FOLLOWING: Status.NOT_JUDGED,
 }
 _MENDED = (Status.NOT_JUDGED, Status.AT_REST)
 
@@ -90,7 +91,7 @@ class Segments:
             Status.AT_REST,
         )
         if between and _way(self.all[-2]) * goes > 0.0:
-            self._append(replace(self.all.pop(), status=Status.NOT_JUDGED, stops_and_goes=True))
+            self._append(replace(self.all.pop(), status=Status.NOT_JUDGED, caveat=StopsAndGoes()))
             self._from = begins - _way(self.all[-1])
 
     def _append(self, segment: Segment) -> None:
@@ -107,7 +108,7 @@ class Segments:
             segment = replace(
                 segment, start=self.all.pop().start, velocity=velocity, stuck=last.stuck + segment.stuck,
                 travel=last.travel + segment.travel, led=last.led + segment.led,
-                stops_and_goes=last.stops_and_goes or segment.stops_and_goes,
+                caveat=last.caveat or segment.caveat,
             )  # fmt: skip
         self.all.append(segment)
 
@@ -133,7 +134,14 @@ class Segments:
             if code == judgement.STUCK:
                 stuck, travel = stuck + duration, travel + abs(velocity) * duration
         velocity = (float(rows[-1, kernel.TO]) - self._from) / (end - start) if end > start else 0.0
-        self.all.append(replace(begun, end=end, status=status, velocity=velocity, stuck=stuck, travel=travel, led=led))
+        caveat = begun.caveat
+        if code == judgement.NOT_FOLLOWING:
+            caveat = NotFollowing(share=float(rows[-1, kernel.NUMBER]))
+        self.all.append(
+            replace(
+                begun, end=end, status=status, velocity=velocity, stuck=stuck, travel=travel, led=led, caveat=caveat
+            )
+        )
 
 
 def _way(segment: Segment) -> float:

@@ -87,6 +87,18 @@ class StopsAndGoes:
 
 
 @dataclass(frozen=True, kw_only=True)
+class NotFollowing:
+    """The joint moves, but not with its reference, although that goes on evenly.
+
+    Attributes
+    ----------
+    share : way of the joint, of its reference's; negative if they go opposite ways [1].
+    """
+
+    share: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class TooCoarse:
     """The joint steps by so few counts of its encoder that slips cannot be told from smooth motion.
 
@@ -150,6 +162,7 @@ Reason = (
     | Reversing
     | TooShort
     | StopsAndGoes
+    | NotFollowing
     | TooCoarse
     | TooFewCounts
     | SampledTooSlowly
@@ -175,7 +188,7 @@ class Segment:
     start, end : [s]; velocity : mean velocity [rad/s].
     stuck : time of it in which the joint stood while its reference went on [s]; travel : of the reference then [rad].
     led : way of the reference, 0 where there is none [rad].
-    stops_and_goes : whether it is not judged for that, and holds a stand between two motions.
+    caveat : why it is not judged, where that bears on the rest of the recording; None if it does not.
     """
 
     start: float
@@ -185,4 +198,4 @@ class Segment:
     stuck: float = 0.0
     travel: float = 0.0
     led: float = 0.0
-    stops_and_goes: bool = False
+    caveat: StopsAndGoes | NotFollowing | None = None

@@ -141,7 +141,10 @@ def _same_curve(law: str, first: FittedLaw) -> FloatArray:
     start = of_law(law, fit.parameters, first.law)
     level, unit = usual_level(fit), math.exp(fit.parameters[STRIBECK_VELOCITY])
     speeds = np.abs(fit.velocities)
-    speeds = np.quantile(speeds[speeds > 0.0], np.linspace(0.0, 1.0, _SPEEDS))
+    speeds = speeds[speeds > 0.0]
+    if not len(speeds):
+        return start  # no slip moves in that fit
+    speeds = np.quantile(speeds, np.linspace(0.0, 1.0, _SPEEDS))
     curve = np.asarray(stribeck_friction(LAWS[first.law], level, speeds / unit))
     curve += math.exp(fit.parameters[VISCOUS]) * speeds
     usual = problem.data.usual_speed
