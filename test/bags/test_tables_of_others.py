@@ -238,6 +238,24 @@ def test_units_as_they_are_printed(tmp_path: Path, capsys: pytest.CaptureFixture
         assert main(["convert", str(path), *out, "--column", f"velocity=v1:{unit}"]) == 0, unit
 
 
+def test_a_unit_of_a_position_is_that_of_its_joint(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """References and speeds without a unit have that of their joint's position; those that have one keep it."""
+    path = write_rows(tmp_path / "a.csv", "time_s,q1,q1_ref,dq1,q2,q2_ref,dq2_rad_per_s", [
+        f"{0.1 * number:.3f},{number},{number},90,{number},{number},1" for number in range(30)
+    ])  # fmt: skip
+    columns = ["--column", "position=q1:deg", "--column", "position=q2:mm"]
+    assert main(["convert", str(path), "--out", str(tmp_path / "a.mcap"), *columns]) == 0
+    said = " ".join(capsys.readouterr().err.split())
+    assert "q1_ref [deg?]" in said
+    assert "dq1 [deg/s?]" in said
+    assert "guessed (time by its values, else as the joint's position or as usual)" in said
+    first, second = (read_joint(tmp_path / "a.mcap", joint) for joint in ("joint1", "joint2"))
+    np.testing.assert_allclose(first.reference_position, np.deg2rad(np.arange(30)))
+    np.testing.assert_allclose(first.velocity, np.pi / 2)
+    np.testing.assert_allclose(second.reference_position, 0.001 * np.arange(30))
+    np.testing.assert_allclose(second.velocity, 1.0)
+
+
 def test_encoder_counts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Counts are a unit whose number a turn is asked for; whole numbers over many turns are suspected to be counts."""
     rows = [f"{0.1 * number:.3f},{7 * number},{number},{number},{number}" for number in range(300)]
