@@ -28,6 +28,7 @@ from stickslip_ros.monitoring.detection.status import (
     Status,
     StopsAndGoes,
     Stuck,
+    TooShort,
 )
 from stickslip_ros.monitoring.friction.sliding import sliding_points
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
@@ -239,6 +240,8 @@ def _reason(status: Status, assessment: Assessment, usual: Reason | None, proble
         # Of a recording only its motion makes that, whatever its end is like.
         finding = Finding(status=status, reason=SpeedFalls(share=DIP_AGAIN, at_most=True))
     applies = status is finding.status and not (problems and isinstance(finding.reason, NoSamples))
+    # How long the motion at the end lasted says nothing of the others.
+    applies = applies and not (usual is None and isinstance(finding.reason, TooShort))
     texts = [reason_text(finding)] if applies else []
     if status is Status.NOT_JUDGED and not any(texts):
         texts = [OTHERWISE]

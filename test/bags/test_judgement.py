@@ -304,6 +304,22 @@ def test_a_joint_that_is_pushed_now_and_then_has_a_reason(tmp_path: Path, capsys
     assert "not judged, stops and goes; publish the reference that moves it" in capsys.readouterr().out
 
 
+def test_motions_that_are_too_short_are_told_by_the_longest(tmp_path: Path) -> None:
+    """Of a recording that moved for 21 s the reason was "only 0.00 s of motion", as just before its end."""
+    messages = []
+    for number in range(3005):
+        time, (push, part) = 0.01 * number, divmod(number, 100)
+        position = 0.3 * (push + min(part / 70.0, 1.0))
+        messages.append(("/joint_states", JOINT_STATE, time, joint_state(time, ["a"], position=[position])))
+        messages.append(("/joint_references", JOINT_STATE, time, joint_state(time, ["a"], position=[position + 0.01])))
+    write_mcap(tmp_path / "a.mcap", messages)
+    joint = analyze(tmp_path / "a.mcap", WITHOUT_LEARNING).joints["a"]
+    assert joint.status is NOT_JUDGED
+    told = re.fullmatch(r"only (0\.\d+) s of motion without a stop, 1 s are needed", joint.reason)
+    assert told is not None, joint.reason
+    assert float(told[1]) == pytest.approx(0.7, abs=0.15)
+
+
 def test_advice_for_one_of_two_speeds_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A joint that stuck at 6 mrad/s too was advised 7.5 N·m·s/rad, which end it at 20 mrad/s; 130 end it at both."""
     path = tmp_path / "a.mcap"
