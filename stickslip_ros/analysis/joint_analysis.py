@@ -23,10 +23,12 @@ from stickslip_ros.monitoring.detection.status import (
     Finding,
     NoSamples,
     Reason,
+    Reversing,
     Segment,
     SpeedFalls,
     Status,
     Stuck,
+    TooShort,
 )
 from stickslip_ros.monitoring.friction.sliding import sliding_points
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
@@ -194,6 +196,10 @@ class JointAnalyzer:
         # Advice is for where it is wanted: at the speed at which it went worst.
         velocity = _judged_velocity(segments, worst, self.cycles)
         assessment = self.monitor.assessment(velocity)
+        if assessment.reference_follows:
+            # What was measured is neither ahead of itself nor behind.
+            assessment = replace(assessment, reversals=None)
+            why = Reversing() if isinstance(why, Reversing) else why
         exact, exact_here = ExactVerdict(smooth=None, reason=assessment.margin_reason), None
         question = ExactQuestion.on(assessment, assessment.margin_gains, self.settings.options.conditions)
         if question is not None:
@@ -239,6 +245,8 @@ def _reason(status: Status, assessment: Assessment, usual: Reason | None, proble
         # Of a recording only its motion makes that, whatever its end is like.
         finding = Finding(status=status, reason=SpeedFalls(share=DIP_AGAIN, at_most=True))
     applies = status is finding.status and not (problems and isinstance(finding.reason, NoSamples))
+    # How long the motion at the end lasted says nothing of the others.
+    applies = applies and not (usual is None and isinstance(finding.reason, TooShort))
     texts = [reason_text(finding)] if applies else []
     if status is Status.NOT_JUDGED and not any(texts):
         texts = [OTHERWISE]

@@ -216,7 +216,13 @@ def reversals(joint: JointAnalysis, subject: str = "It") -> str:
     if record is None:
         return ""
     text = f"{subject} reversed {times_text(record.count)}: {reversals_text(record)}"
-    return f"{text} (median); at most by {angle_text(record.largest_error)}." if record.count > 1 else f"{text}."
+    if record.count == 1:
+        return f"{text}."
+    if record.peak_error >= 0.0:
+        most = "at most by"
+    else:
+        most = "at least by" if record.largest_error < 0.0 else "at most it falls behind by"
+    return f"{text} (median); {most} {angle_text(abs(record.largest_error))}."
 
 
 def presliding(joint: JointAnalysis, subject: str = "It") -> str:

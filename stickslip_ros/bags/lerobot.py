@@ -185,10 +185,11 @@ def _is_known(field: str, unit: str) -> bool:
 
 def _joints(feature: Mapping[str, Any], count: int) -> list[str] | None:
     """Names of a feature's values; None if it has none, or others than one a value."""
-    names = feature.get("names")
-    while isinstance(names, dict) and len(names) == 1:
-        (names,) = names.values()
-    if not isinstance(names, list) or not all(isinstance(name, str) and name for name in names):
+    names: list[Any] = [feature.get("names")]
+    # They may lie in dicts or lists of one, as in {"motors": [...]} and [[...]].
+    while len(names) == 1 and isinstance(names[0], dict | list):
+        names = list(names[0].values()) if isinstance(names[0], dict) else names[0]
+    if not all(isinstance(name, str) and name for name in names):
         return None
     joints = [name.removesuffix(_OF_A_MOTOR) for name in names]
     return joints if count and len(joints) == count == len(set(joints)) else None

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 import zipfile
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import environ
 from pathlib import Path
@@ -169,7 +169,7 @@ def _read(path: Path, file: TableFile, named: Sequence[Named]) -> Table:
     columns = [*found.time, *(one for fields in found.joints.values() for one in fields.values())]
     values = file.read(list(dict.fromkeys(one.name for one in columns)))
     time = [
-        replace(one, unit="s") if one.name in file.dates else _with_unit(one, values[one.name], "")
+        replace(one, unit="s") if one.name in file.dates else _with_unit(one, values[one.name], {})
         for one in found.time
     ]
     stamps = np.sum([values[one.name] * UNITS[TIME][one.unit] for one in time], axis=0)
@@ -184,9 +184,8 @@ def _read(path: Path, file: TableFile, named: Sequence[Named]) -> Table:
     batches: dict[str, Batch] = {}
     for label, columns_of in found.joints.items():
         name = file.joints.get(label.removeprefix("joint"), label or ONLY)
-        uses = {
-            field: _with_unit(one, values[one.name], file.units.get(one.name, "")) for field, one in columns_of.items()
-        }
+        place = _with_unit(columns_of[POSITION], values[columns_of[POSITION].name], file.units).unit
+        uses = {field: _with_unit(one, values[one.name], file.units, place) for field, one in columns_of.items()}
         if name in joints:
             raise ValueError(f"two joints would have the name {name!r}: columns {joints[name][POSITION].name} and "
                              f"{uses[POSITION].name}; name the right one with --column")  # fmt: skip
@@ -216,10 +215,13 @@ def _in_si(column: Column, values: FloatArray) -> FloatArray:
     return values * factor
 
 
-def _with_unit(column: Column, values: FloatArray, unit: str) -> Column:
-    """A column with the unit of its name, else the one that the file gives, else the usual one."""
-    known = column.unit or unit
-    return replace(column, unit=known or USUAL_UNIT[column.field] or _unit_of_time(values), assumed=not known)
+def _with_unit(column: Column, values: FloatArray, units: Mapping[str, str], place: str = "rad") -> Column:
+    """A column with the unit of its name, else the one that the file gives, else that of the joint's position, or the
+    usual one.
+    """
+    known = column.unit or units.get(column.name, "")
+    beside = USUAL_UNIT[column.field].replace("rad", place)
+    return replace(column, unit=known or beside or _unit_of_time(values), assumed=not known)
 
 
 def _unit_of_time(values: FloatArray) -> str:

@@ -13,7 +13,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from os.path import commonprefix
 
@@ -82,13 +82,14 @@ _DESIRED_PLACES = ("reference", "ref", "goal", "target", "setpoint")
 _GAINS = frozenset({"p", "i", "i_clamp", "i_clamp_min", "i_clamp_max", "i_max", "i_min", "antiwindup"})
 _DERIVATIVE_GAIN = "d"  # which is also what is desired, as in q_d, unless other gains stand beside it
 _MEASURED = ("measured", "meas", "actual", "act", "feedback", "fbk", "present", "current")
+_MOTORS = "current"  # where nothing says what of, it is the motor's
 _FILTERED = ("filtered", "filt")  # where the same is there unfiltered, that serves
 # Of efforts that there are the first one serves: what the motor gave, or was told to give.
 _EFFORTS = (("effort",), _MEASURED, ("friction",), _DESIRED, ("torque", "torques", "tau", "moment"), ())
 # What has one of these words is about a joint, but none of its fields.
 _NO_FIELD = {
     "error", "err", "limit", "max", "min", "std", "offset", "sensor", "temperature", "feedforward", "ext", "external",
-    "tcp", "pose", "cartesian", "acceleration", "gravity", "covariance",
+    "tcp", "ee", "eef", "pose", "cartesian", "acceleration", "gravity", "covariance",
 }  # fmt: skip
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[^\W\d_A-Z]+|\d+|°")
 _UNIT_IN_BRACKETS = re.compile(r"\s*[\[(]\s*([^\W\d][^\])]*|°[^\])]*)[\])]")
@@ -305,11 +306,13 @@ def assign(
     gains = _derivative_gains(names)
     recognised = [one for name in free if name not in gains and (one := meaning(name)) is not None]
     recognised = [one for one in recognised if one.field not in fields]
+    by_joint = _positions_by_joint(free, recognised) if POSITION not in fields else []
+    if any(one.field == POSITION and _JOINT_ALONE.fullmatch(one.joint) for one in (*recognised, *by_joint)):
+        # Beside joints these are a tool's.
+        recognised = [one for one in recognised if one.joint.lower() not in ("x", "y", "z")]
+    if all(one.field != POSITION for one in recognised):
+        recognised += by_joint
     columns = [*(column for _, column in by_user), *own, *recognised]
-    if all(one.field == TIME for one in columns):
-        # Where nothing else is recognised, columns that are named after joints and nothing else are their positions.
-        joints_alone = [name for name in free if _JOINT_ALONE.fullmatch(name)]
-        columns += [Column(name=name, field=POSITION, joint=name) for name in joints_alone]
     times = sorted((one for one in columns if one.field == TIME), key=lambda one: (one.name in days, one.rank))
     joints: dict[str, dict[str, Column]] = {}
     for one in columns:
@@ -329,6 +332,28 @@ def assign(
         if not any(column.name in used for by, column in by_user if by is wish):
             raise ValueError(_without_effect(wish, joints))
     return Assignment(time=time, joints=joints, unused=tuple(name for name in names if name not in used))
+
+
+def _positions_by_joint(names: Iterable[str], recognised: Sequence[Column]) -> list[Column]:
+    """Positions, where no name says so: columns that are named after joints and nothing else, and what is actual beside
+    what is wanted of the same joint, with that: `elbow_actual` and `elbow_target`.
+    """
+    others = [name for name in names if meaning(name) is None]
+    alone = [Column(name=name, field=POSITION, joint=name) for name in others if _JOINT_ALONE.fullmatch(name)]
+    pairs = [
+        replace(one, name=name)
+        for name in others
+        if _MOTORS not in name.lower() and (one := meaning(_WORD.sub(_with_field, name))) is not None and one.joint
+    ]
+    actual, wanted = (
+        {one.joint for one in (*recognised, *pairs) if one.field == field}
+        for field in (POSITION, _REFERENCES[POSITION])
+    )
+    return [*alone, *(one for one in pairs if one.joint in actual & wanted)]
+
+
+def _with_field(word: re.Match[str]) -> str:
+    return f"{word[0]}_{POSITION}" if word[0].lower() in (*_DESIRED, *_MEASURED) else word[0]
 
 
 def _with_position(joints: dict[str, dict[str, Column]], by_user: Sequence[Column]) -> dict[str, dict[str, Column]]:

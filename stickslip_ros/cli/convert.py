@@ -136,8 +136,8 @@ def _show(table: Table, names: list[str]) -> None:
     assumed += [use for uses in table.joints.values() for use in uses.values() if use.assumed]
     if assumed:
         console.print(
-            "[dim]?: no unit in the column name; guessed (for time from the values, else the usual unit). "
-            f"To set it: {escape(_hints(table, 'deg'))}[/]",
+            "[dim]?: no unit in the column name; guessed (time by its values, else as the joint's "
+            f"position or as usual). To set it: {escape(_hints(table, 'deg'))}[/]",
             soft_wrap=True,
         )
     for note in table.notes:

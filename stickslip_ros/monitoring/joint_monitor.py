@@ -210,8 +210,14 @@ class JointMonitor:
             judgement.FEW_READINGS, judgement.TOO_SHORT,
         )  # fmt: skip
         code = max(codes, key=self._slices.__getitem__)
-        if self._slices[code] == 0 or code == judgement.TOO_SHORT:
+        if self._slices[code] == 0:
             return None
+        if code == judgement.TOO_SHORT:
+            needed = self._needed_motion()
+            stretches = (one.end - one.start for one in self._segments.all if one.status is STATUS_OF[code])
+            # Longer ones hold stops that are too short to be stretches of their own.
+            longest = max((length for length in stretches if length < needed), default=None)
+            return None if longest is None else self._found(code, longest, needed).reason
         if code == judgement.FEW_READINGS:
             return self._found(code, self._sample_rate(), judgement.LEAST_READINGS / self.options.least_motion).reason
         return self._found(code, math.nan, math.nan).reason
@@ -414,15 +420,19 @@ class JointMonitor:
                 status, reason = Status.AT_RISK, ThinReserve(reserve=reserve, exactly=condition is Criterion.EXACT)
         return Finding(status=status, reason=reason)
 
-    def _note_needed_motion(self) -> None:
-        """Let the judgement know how long motion without a rest must last before it is called smooth."""
+    def _needed_motion(self) -> float:
+        """How long motion without a rest must last before it is called smooth [s]."""
         needed = self.options.least_motion
         if self._recent:
             needed = max(needed, judgement.PERIODS_TO_TRUST * self._motion.period)
         elif self.joint is not None and self.gains is not None and self.gains.stiffness > 0:
             natural_period = 2.0 * math.pi * math.sqrt(float(self.joint.inertia) / float(self.gains.stiffness))
             needed = max(needed, judgement.PERIODS_TO_TRUST * natural_period)
-        self._motion.require(motion=needed, window=self.options.least_motion)
+        return needed
+
+    def _note_needed_motion(self) -> None:
+        """Let the judgement know it."""
+        self._motion.require(motion=self._needed_motion(), window=self.options.least_motion)
 
     def damping_reserve(self, velocity: float) -> float:
         """Relative damping reserve ρ/ρ_c − 1 at a velocity [rad/s] by integration, to two per cent of ρ.

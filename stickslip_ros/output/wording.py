@@ -170,7 +170,7 @@ def reason_text(finding: Finding) -> str:
         case reasons.Reversing(record=record):
             return "reversing" if record is None else f"reversing: {reversals_text(record)}"
         case reasons.TooShort(moving=moving, needed=needed):
-            return f"only {moving:.2f} s of motion, {needed:.2f} s are needed"
+            return f"only {moving:.3g} s of motion without a stop, {needed:.3g} s are needed"
         case reasons.StopsAndGoes():
             return "stops and goes; publish the reference that moves it to tell commanded stops from sticking"
         case reasons.NotFollowing(share=share):

@@ -8,6 +8,7 @@ import csv
 import json
 import math
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -302,6 +303,55 @@ def test_a_joint_that_is_pushed_now_and_then_has_a_reason(tmp_path: Path, capsys
     write_mcap(tmp_path / "a.mcap", messages)
     main(["analyze", str(tmp_path / "a.mcap"), "--no-learning"])
     assert "not judged, stops and goes; publish the reference that moves it" in capsys.readouterr().out
+
+
+def test_motions_that_are_too_short_are_told_by_the_longest(tmp_path: Path) -> None:
+    """Of a recording that moved for 21 s the reason was "only 0.00 s of motion", as just before its end."""
+    messages = []
+    for number in range(3005):
+        time, (push, part) = 0.01 * number, divmod(number, 100)
+        position = 0.3 * (push + min(part / 70.0, 1.0))
+        messages.append(("/joint_states", JOINT_STATE, time, joint_state(time, ["a"], position=[position])))
+        messages.append(("/joint_references", JOINT_STATE, time, joint_state(time, ["a"], position=[position + 0.01])))
+    write_mcap(tmp_path / "a.mcap", messages)
+    joint = analyze(tmp_path / "a.mcap", WITHOUT_LEARNING).joints["a"]
+    assert joint.status is NOT_JUDGED
+    told = re.fullmatch(r"only (0\.\d+) s of motion without a stop, 1 s are needed", joint.reason)
+    assert told is not None, joint.reason
+    assert float(told[1]) == pytest.approx(0.7, abs=0.15)
+
+
+@pytest.mark.parametrize(
+    ("reference", "said"),
+    [
+        # A reference that only repeats what was measured: "falls behind by 0 rad (median); at most by -0 rad".
+        (lambda time, position: position, r"^$"),
+        # A reference of another rhythm: "is ahead of its reference by 198 mrad (median); at most by -198 mrad".
+        (
+            lambda time, position: 0.8 * np.cos(0.37 * time),
+            r"is ahead of its reference by \d+ mrad \(median\); at least by \d+ mrad\.$",
+        ),
+    ],
+)
+def test_signs_of_what_reversals_do(
+    reference: Callable[[np.ndarray, np.ndarray], np.ndarray], said: str, tmp_path: Path
+) -> None:
+    """Of two errors it is said which is ahead and which behind, and nothing of a reference that counts as none."""
+    times = 0.01 * np.arange(4000)
+    positions = np.round(0.5 * np.sin(0.2 * np.pi * times) / 1e-4) * 1e-4
+    references = reference(times, positions)
+    messages = []
+    for time, position, wanted in np.stack([times, positions, references], axis=1).tolist():
+        messages.append(("/joint_states", JOINT_STATE, time, joint_state(time, ["a"], position=[position])))
+        messages.append(("/joint_references", JOINT_STATE, time, joint_state(time, ["a"], position=[wanted])))
+    write_mcap(tmp_path / "a.mcap", messages)
+    joint = analyze(tmp_path / "a.mcap", WITHOUT_LEARNING).joints["a"]
+    assert re.search(said, words.reversals(joint)), words.reversals(joint)
+    record = joint.assessment.reversals
+    if record is not None:
+        record = replace(record, largest_error=0.01)
+        other = words.reversals(replace(joint, assessment=replace(joint.assessment, reversals=record)))
+        assert other.endswith("; at most it falls behind by 10 mrad.")
 
 
 def test_advice_for_one_of_two_speeds_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -187,6 +187,7 @@ def test_data_sets_that_say_less(tmp_path: Path, capsys: pytest.CaptureFixture[s
             ({"motors": list(ARM)}, {"motors": list(ARM[:6])}, None, "gives observation.state no unit: read as rad"),
             (["state"], ["actions"], "rad", "does not name the values of observation.state: action is not used"),
             (list(ARM), ["dx", "dy", "dz", "droll", "dpitch", "dyaw"], "ticks", "the unit 'ticks', which is unknown"),
+            ([list(ARM)], [list(ARM[:6])], None, "gives observation.state no unit: read as rad"),
         )
     ):
         folder = write_data_set(tmp_path / str(number), "v3.0", names=names, actions=actions, units=units)
@@ -194,7 +195,8 @@ def test_data_sets_that_say_less(tmp_path: Path, capsys: pytest.CaptureFixture[s
         bag = json.loads(capsys.readouterr().out)["bags"][0]
         assert said in " ".join(bag["warnings"])
         assert len(bag["joints"]) == 7
-        assert any("joint_references" in str(topic) for topic in bag["topics"].values()) == (number == 0)
+        assert any("joint_references" in str(topic) for topic in bag["topics"].values()) == (number in (0, 3))
+    assert list(bag["joints"]) == list(ARM)
     for command in (["convert", "--out", str(tmp_path / "a.mcap")], ["compare", str(tmp_path / "1")]):
         assert main([*command, str(tmp_path / "0")]) == 2
         assert "is a LeRobot data set; name one of its episodes, as in" in capsys.readouterr().err

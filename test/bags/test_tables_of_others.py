@@ -57,6 +57,24 @@ def used(names: Sequence[str], *named: Named) -> dict[str, dict[str, str]]:
          {"joint1": {"position": "joint1"}, "joint2": {"position": "joint2"}}),
         ("others beside joints", ["timestamp", "seq", "j1", "j2", "temperature"],
          {"j1": {"position": "j1"}, "j2": {"position": "j2"}}),
+        ("targets and actual values",
+         ["timestamp", "FR_0_target", "FR_0_actual", "FR_0_error", "kneeDesired", "kneeMeas", "hip_actual", "v_target"],
+         {"FR_0": {"position": "FR_0_actual", "reference_position": "FR_0_target"},
+          "knee": {"position": "kneeMeas", "reference_position": "kneeDesired"}}),
+        ("commands and feedback with units", ["t", "knee cmd [deg]", "knee fbk [deg]", "knee_vel"],
+         {"knee": {"position": "knee fbk [deg]", "velocity": "knee_vel", "reference_position": "knee cmd [deg]"}}),
+        ("actual values beside positions", ["t", "q1", "volts_target", "volts_actual"],
+         {"joint1": {"position": "q1"}}),
+        ("a motor's current beside a joint", ["t", "hip_current_target", "hip_current_actual", "j1"],
+         {"j1": {"position": "j1"}}),
+        ("an arm's joints beside its tool",
+         ["t", "current_pos_x", "current_pos_y", "current_pos_z", "goal_pos_x", "force_x", "joint_1", "joint_2"],
+         {"joint_1": {"position": "joint_1"}, "joint_2": {"position": "joint_2"}}),
+        ("q1 beside a tool", ["t", "pos_x", "pos_y", "pos_z", "ee_pos[0]", "q1"], {"joint1": {"position": "q1"}}),
+        ("a gantry", ["t", "x_pos", "y_pos", "z_pos"],
+         {"x": {"position": "x_pos"}, "y": {"position": "y_pos"}, "z": {"position": "z_pos"}}),
+        ("a gantry's targets", ["t", "x_target", "x_actual"],
+         {"x": {"position": "x_actual", "reference_position": "x_target"}}),
         ("joints as in a URDF", ["timestamp", "shoulder_pan_joint", "elbow_joint"],
          {"shoulder_pan_joint": {"position": "shoulder_pan_joint"}, "elbow_joint": {"position": "elbow_joint"}}),
     ],
@@ -218,6 +236,24 @@ def test_units_as_they_are_printed(tmp_path: Path, capsys: pytest.CaptureFixture
     listed = said.rpartition("a unit of ")[2].partition(": furlong")[0].split(", ")
     for unit in listed:
         assert main(["convert", str(path), *out, "--column", f"velocity=v1:{unit}"]) == 0, unit
+
+
+def test_a_unit_of_a_position_is_that_of_its_joint(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """References and speeds without a unit have that of their joint's position; those that have one keep it."""
+    path = write_rows(tmp_path / "a.csv", "time_s,q1,q1_ref,dq1,q2,q2_ref,dq2_rad_per_s", [
+        f"{0.1 * number:.3f},{number},{number},90,{number},{number},1" for number in range(30)
+    ])  # fmt: skip
+    columns = ["--column", "position=q1:deg", "--column", "position=q2:mm"]
+    assert main(["convert", str(path), "--out", str(tmp_path / "a.mcap"), *columns]) == 0
+    said = " ".join(capsys.readouterr().err.split())
+    assert "q1_ref [deg?]" in said
+    assert "dq1 [deg/s?]" in said
+    assert "guessed (time by its values, else as the joint's position or as usual)" in said
+    first, second = (read_joint(tmp_path / "a.mcap", joint) for joint in ("joint1", "joint2"))
+    np.testing.assert_allclose(first.reference_position, np.deg2rad(np.arange(30)))
+    np.testing.assert_allclose(first.velocity, np.pi / 2)
+    np.testing.assert_allclose(second.reference_position, 0.001 * np.arange(30))
+    np.testing.assert_allclose(second.velocity, 1.0)
 
 
 def test_encoder_counts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
