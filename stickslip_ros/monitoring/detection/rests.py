@@ -507,7 +507,7 @@ class RestDetector:
         return slow > _SHARE_OF_STOP * until_fast and until_fast > _SAMPLES_OF_A_COURSE * self.motion.update
 
     def _crept(self, crossings: NDArray[np.float64], longest: int, fastest: float) -> bool:
-        """Whether the joint was slow about the longest gap for longer than in a dip, as certain as samples and counts are."""
+        """Whether the joint was slow about its longest gap for longer than a dip is, blurred by samples and counts."""
         slow, until_fast = slow_times(crossings, longest, fastest)
         uncertain = max(self.motion.update, 2.0 * self.motion.band / fastest) if fastest > 0.0 else math.inf
         return slow > _SHARE_OF_CREEP * until_fast + 2.0 * uncertain
