@@ -396,7 +396,7 @@ class RestDetector:
 
         How fast counts may be at rest depends on the band, and on the little that is known of the slip after it. Where
         that finds none, ``creeps``, a stretch ten times slower than the slip before is one if it lasts longer than any
-        dip does, however fine the encoder.
+        dip does and the motion goes on the same way, however fine the encoder.
         """
         newest = self.motion.crossing_count - 1
         longest, _ = self.motion.longest_gap
@@ -444,6 +444,8 @@ class RestDetector:
         if not initial:
             back = before[max(-4, -len(before)), kernel.POSITION]
             direction_before = 1 if float(before[-1, kernel.POSITION] - back) > 0 else -1
+        if creeps and direction_before != direction_after:
+            return None
         left = before[:0] if initial else braking_crossings(before[::-1], speed_before)
         right = braking_crossings(after, speed_after)
         begin = float(before[-1, kernel.POSITION])
@@ -509,7 +511,7 @@ class RestDetector:
     def _crept(self, crossings: NDArray[np.float64], longest: int, fastest: float) -> bool:
         """Whether the joint was slow about its longest gap for longer than a dip is, blurred by samples and counts."""
         slow, until_fast = slow_times(crossings, longest, fastest)
-        uncertain = max(self.motion.update, 2.0 * self.motion.band / fastest) if fastest > 0.0 else math.inf
+        uncertain = max(self.motion.update, 3.0 * self.motion.band / fastest) if fastest > 0.0 else math.inf
         return slow > _SHARE_OF_CREEP * until_fast + 2.0 * uncertain
 
     def _rest(
