@@ -403,6 +403,38 @@ def test_creep_hides_no_slip_from_a_fine_encoder(puma: Joint, rate: int, contact
     )
 
 
+def ramp_of_half_cosines(
+    rate: float, *, period: float, slip: float, distance: float, creep: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Times, and places in 20 slips of half a cosine; between them the joint creeps at this share of the mean speed."""
+    time = np.arange(0.0, 22.0 * period, 1.0 / rate)
+    number, phase = np.divmod(time, period)
+    share = 0.5 - 0.5 * np.cos(math.pi * np.clip((phase - period + slip) / slip, 0.0, 1.0))
+    return time, distance * ((1.0 - creep) * (number + share) + creep * time / period)
+
+
+@pytest.mark.parametrize("count", [3e-4, 1e-4, 2e-5, 2e-6, 2e-7])
+@pytest.mark.parametrize("creep", [0.05, 0.1, 0.15, 0.2])
+def test_the_same_creep_is_rest_to_every_encoder(creep: float, count: float) -> None:
+    """Creep of 3 % of the slip's peak and more was none to a fine encoder: `at_risk`, with one cycle of 60."""
+    time, way = ramp_of_half_cosines(100.0, period=0.6, slip=0.3, distance=0.012, creep=creep)
+    cycles, _, _ = watch(Batch(time=time, position=rounded(way, count), reference_position=0.02 * time))
+    assert len(cycles) >= 19
+
+
+@pytest.mark.parametrize("rate", [30, 100, 500])
+@pytest.mark.parametrize("count", [3e-4, 2e-5, 2e-7])
+@pytest.mark.parametrize("dip", [0.8, 0.9])
+def test_a_dip_is_no_rest_to_any_encoder(dip: float, count: float, rate: int) -> None:
+    """A ripple of the speed as deep as the creep that is rest."""
+    time = np.arange(0.0, 30.0, 1.0 / rate)
+    way = 0.02 * time - dip * 0.02 * np.sin(2.0 * math.pi * time / 0.6) * 0.6 / (2.0 * math.pi)
+    for reference in (0.02 * time, np.zeros(0)):
+        cycles, segments, _ = watch(Batch(time=time, position=rounded(way, count), reference_position=reference))
+        assert cycles == []
+        assert spent(segments, Status.STICK_SLIP) == 0.0
+
+
 @pytest.mark.parametrize("rate", [30, 100, 1000])
 @pytest.mark.parametrize("begin", [0.0, 0.1, 0.27])
 def test_oscillation_about_zero_from_the_first_sample_is_hunting(rate: int, begin: float) -> None:

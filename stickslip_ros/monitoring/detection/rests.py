@@ -56,6 +56,9 @@ _CREPT = 0.2  # creep, of the slip before: a joint at rest may creep so far
 _FEW_SAMPLES = 6.0  # duration of a stop, samples: with less its course must show it, as its ends cannot be extrapolated
 _SAMPLES_OF_A_COURSE = 9.0  # duration between two halves of the fastest motion, samples: a shorter one shows no course
 _SHARE_OF_STOP = 0.38  # slow, of the time between half of the fastest motion: a dip to nothing has 0.41, see slow_times
+# The same where the joint crept between the slips. Until the speed is back at 0.4 of the fastest a dip has 0.44.
+_SHARE_OF_CREEP = 0.5
+_FAST_AGAIN = 0.4  # speed, of the fastest motion before: a low-speed interval ends with it, and the slip goes on
 _STANDING = 0.002  # measured velocity less its noise, of the fastest motion: with less the joint stands
 _FEW_GAPS = 2  # gaps of a rest, 1: with more the joint crept
 _LEAST_CREEP = 0.005  # creep, of the slip before: less is how gently a slip begins
@@ -326,7 +329,7 @@ class RestDetector:
         A rest that has only begun is not :attr:`Rest.complete`; what is known of it may be changed later. A joint whose
         measured velocity was never seen slow did not rest.
         """
-        rest = self._rest_in_interval() if complete else self._begun_rest()
+        rest = (self._rest_in_interval() or self._rest_in_interval(creeps=True)) if complete else self._begun_rest()
         if complete and rest is None:
             self.motion.did_not_rest()
         return rest
@@ -388,8 +391,13 @@ class RestDetector:
             before, core[None, :], arrest, float(core[kernel.FLAT_END]), float(core[kernel.POSITION]), direction, 0
         )
 
-    def _rest_in_interval(self) -> Rest | None:
-        """Decide whether the low-speed interval just completed was a rest, and when it began and ended."""
+    def _rest_in_interval(self, *, creeps: bool = False) -> Rest | None:
+        """Decide whether the low-speed interval just completed was a rest, and when it began and ended.
+
+        How fast counts may be at rest depends on the band, and on the little that is known of the slip after it. Where
+        that finds none, ``creeps``, a stretch ten times slower than the slip before is one if it lasts longer than any
+        dip does and the motion goes on the same way, however fine the encoder.
+        """
         newest = self.motion.crossing_count - 1
         longest, _ = self.motion.longest_gap
         oldest = max(self._rest_end, newest - kernel.RING + 1)
@@ -405,6 +413,11 @@ class RestDetector:
         creep = _CREEP if travel > _FINE * self.motion.band else _CREEP_OF_COUNTS
         if not initial and travel > 0.0:
             creep = max(creep, min(kernel.SLOW, _GENTLE * math.sqrt(self.motion.band / travel)))
+        if creeps:
+            slowest = min(speed_before, speed_after / _FAST_AGAIN)
+            if initial or not self._crept(crossings, longest - oldest, slowest):
+                return None
+            creep = kernel.SLOW
         farthest = max(_CREPT * travel, self.motion.band)
         first, last = rest_gaps(crossings, longest - oldest, self.motion.band, creep * slowest, farthest)
         before, after = crossings[: first + 1], crossings[last + 1 :]
@@ -431,6 +444,8 @@ class RestDetector:
         if not initial:
             back = before[max(-4, -len(before)), kernel.POSITION]
             direction_before = 1 if float(before[-1, kernel.POSITION] - back) > 0 else -1
+        if creeps and direction_before != direction_after:
+            return None
         left = before[:0] if initial else braking_crossings(before[::-1], speed_before)
         right = braking_crossings(after, speed_after)
         begin = float(before[-1, kernel.POSITION])
@@ -492,6 +507,12 @@ class RestDetector:
         """Whether the course of the speed shows a stop at the longest gap, and no dip; not if samples are too few."""
         slow, until_fast = slow_times(crossings, longest, fastest)
         return slow > _SHARE_OF_STOP * until_fast and until_fast > _SAMPLES_OF_A_COURSE * self.motion.update
+
+    def _crept(self, crossings: NDArray[np.float64], longest: int, fastest: float) -> bool:
+        """Whether the joint was slow about its longest gap for longer than a dip is, blurred by samples and counts."""
+        slow, until_fast = slow_times(crossings, longest, fastest)
+        uncertain = max(self.motion.update, 3.0 * self.motion.band / fastest) if fastest > 0.0 else math.inf
+        return slow > _SHARE_OF_CREEP * until_fast + 2.0 * uncertain
 
     def _rest(
         self,
