@@ -127,6 +127,28 @@ def test_flicker_tells_no_turn() -> None:
     assert stuck([replace(turning[0], led=-0.2), *turning[1:]], band=0.001) == Stuck(duration=8.0, travel=0.16)
 
 
+@pytest.mark.parametrize(("limited", "status"), [(16.0, "not_judged"), (6.0, "smooth")])
+def test_a_joint_that_does_not_go_with_its_reference_is_told(
+    limited: float, status: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """At a limit of its speed it is left behind; before and after it goes with its reference, which is no all-clear."""
+    messages = []
+    for time in [0.01 * number for number in range(2400)]:
+        reference = 0.1 * max(time - 0.5, 0.0)
+        position = reference - 0.06 * min(max(time - 4.0, 0.0), limited)
+        state = joint_state(time, ["a"], position=[1e-4 * round(1e4 * position)])
+        messages.append(("/joint_states", JOINT_STATE, time, state))
+        messages.append(("/joint_references", JOINT_STATE, time, joint_state(time, ["a"], position=[reference])))
+    path = tmp_path / "limited.mcap"
+    write_mcap(path, messages)
+    assert main(["analyze", str(path), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["bags"][0]["joints"]["a"]["status"] == status
+    assert main(["analyze", str(path)]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "othing has to be done" not in said
+    assert "times as far as its reference" in said
+
+
 @pytest.mark.parametrize(("jam", "jump"), [(2.0, 0.0), (20.0, 0.0), (2.0, 1.5)])
 def test_a_joint_that_is_jammed_is_told(
     jam: float, jump: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
