@@ -165,9 +165,12 @@ class SampleChecks:
 
     def _reference_in_another_unit(self) -> str:
         moved, led = self._extents[:, 1] - self._extents[:, 0]
-        if not (0.0 < moved < math.inf and 0.0 < led < math.inf) or 1.0 / _ANOTHER_UNIT < led / moved < _ANOTHER_UNIT:
+        # Of nonsense one may be endlessly many times the other.
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            factor = float(led / moved)
+        if not 0.0 < factor < math.inf or 1.0 / _ANOTHER_UNIT < factor < _ANOTHER_UNIT:
             return ""
-        return f"its reference moves {led / moved:.3g} times as far as it{_in_degrees(led / moved, 'reference')}"
+        return f"its reference moves {factor:.3g} times as far as it{_in_degrees(factor, 'reference')}"
 
 
 def _in_degrees(factor: float, name: str) -> str:

@@ -298,9 +298,11 @@ class LadderNode(Node):
         """
         self._connect()
         if self._controller is not None:
-            before = dict(self._positions)
-            self._spin(_SETTLE)
-            self._controller.refuse_motion(before, self._positions)
+            before, until = dict(self._positions), monotonic() + _SETTLE
+            # Again and again: a joint that swings may be back by then.
+            while monotonic() < until:
+                self._turn()
+                self._controller.refuse_motion(before, self._positions)
         try:
             return self._climb(steps, report)
         finally:
