@@ -65,8 +65,10 @@ linkcheck: $(STAMP)
 pictures: $(STAMP)
 	$(BIN)/python docs/draw_pictures.py $(RECORDINGS)
 
-# Of this process: what runs in processes of its own (nodes, commands over DDS) is not counted.
+# Of this process: what runs in processes of its own (nodes, commands over DDS) is not counted. Installed for this alone:
+# where it is, numba loads it in every process.
 coverage: $(STAMP)
+	$(BIN)/python -m pip install --quiet pytest-cov
 	$(BIN)/python -m pytest --cov=stickslip_ros --cov-report=term $(TESTS)
 
 # Installation, demo and some tests on every Python that is there: make matrix [LEGS="noble kilted"]

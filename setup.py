@@ -29,7 +29,6 @@ TEST = [
     "mypy==2.4.1",
     "pre-commit",
     "pytest",
-    "pytest-cov",
     "pytest-xdist",
     "ruff==0.17.5",
     "selenium",
