@@ -23,7 +23,6 @@ from stickslip_ros.monitoring.detection.status import (
     Finding,
     NoSamples,
     Reason,
-    Reversing,
     Segment,
     SpeedFalls,
     Status,
@@ -196,10 +195,6 @@ class JointAnalyzer:
         # Advice is for where it is wanted: at the speed at which it went worst.
         velocity = _judged_velocity(segments, worst, self.cycles)
         assessment = self.monitor.assessment(velocity)
-        if assessment.reference_follows:
-            # What was measured is neither ahead of itself nor behind.
-            assessment = replace(assessment, reversals=None)
-            why = Reversing() if isinstance(why, Reversing) else why
         exact, exact_here = ExactVerdict(smooth=None, reason=assessment.margin_reason), None
         question = ExactQuestion.on(assessment, assessment.margin_gains, self.settings.options.conditions)
         if question is not None:

@@ -23,7 +23,7 @@ from stickslip_ros.monitoring.detection import _motion_kernel as kernel
 from stickslip_ros.monitoring.detection.cycles import Cycle, CycleDetector
 from stickslip_ros.monitoring.detection.motion import Swing
 from stickslip_ros.monitoring.detection.rests import Rest, RestDetector
-from stickslip_ros.monitoring.detection.reversals import ReversalMeter
+from stickslip_ros.monitoring.detection.reversals import ReversalMeter, ReversalRecord
 from stickslip_ros.monitoring.detection.segments import STATUS_OF, Segments
 from stickslip_ros.monitoring.detection.status import (
     Finding,
@@ -396,8 +396,7 @@ class JointMonitor:
         elif code == judgement.STUCK:
             reason = Stuck(duration=first, travel=second)
         elif code == judgement.REVERSING:
-            record = self._reversals.record
-            reason = Reversing() if record is None else Reversing(record=record)
+            reason = Reversing(record=self._reversal_record)
         elif code == judgement.STOPS_AND_GOES:
             reason = StopsAndGoes()
         elif code == judgement.NOT_FOLLOWING:
@@ -419,6 +418,11 @@ class JointMonitor:
             if reserve < self.options.warn_margin:
                 status, reason = Status.AT_RISK, ThinReserve(reserve=reserve, exactly=condition is Criterion.EXACT)
         return Finding(status=status, reason=reason)
+
+    @property
+    def _reversal_record(self) -> ReversalRecord | None:
+        """What reversals do to the joint; None where that was not measured, or by a reference that only repeats it."""
+        return None if self._motion.reference_follows else self._reversals.record
 
     def _needed_motion(self) -> float:
         """How long motion without a rest must last before it is called smooth [s]."""
@@ -536,7 +540,7 @@ class JointMonitor:
             constant_effort=self._filter.constant_effort,
             reference_follows=self._motion.reference_follows,
             restarts=self._filter.restarts,
-            reversals=self._reversals.record,
+            reversals=self._reversal_record,
             presliding=self._presliding.estimate,
         )
 

@@ -511,7 +511,7 @@ class RestDetector:
     def _crept(self, crossings: NDArray[np.float64], longest: int, fastest: float) -> bool:
         """Whether the joint was slow about its longest gap for longer than a dip is, blurred by samples and counts."""
         slow, until_fast = slow_times(crossings, longest, fastest)
-        uncertain = max(self.motion.update, 3.0 * self.motion.band / fastest) if fastest > 0.0 else math.inf
+        uncertain = max(self.motion.update, _FEW_COUNTS * self.motion.band / fastest) if fastest > 0.0 else math.inf
         return slow > _SHARE_OF_CREEP * until_fast + 2.0 * uncertain
 
     def _rest(
