@@ -141,10 +141,11 @@ def test_missing_stamps(one: Probe) -> None:
     """Issue 7: messages without stamps are taken at the time of their arrival, each at its own; it is said."""
     # Where the joint is depends on when that is said, or a moment without a processor would change the motion.
     positions = staircase(20000)[1]
-    start, sent = time.monotonic(), 0
+    start, sent = time.monotonic(), [0]
     while (index := int(200 * (time.monotonic() - start))) < len(positions):
         one.publish(["joint1"], 0.0, position=[positions[index]])
-        sent += 1
+        sent += [0] * (int(index / 200) + 1 - len(sent))
+        sent[-1] += 1
         one.spin(0.005)
         if len(cycles(one)) >= 4 and one.status("joint1") == "stick_slip":
             break
@@ -152,9 +153,8 @@ def test_missing_stamps(one: Probe) -> None:
     periods = [later - earlier for earlier, later in itertools.pairwise(cycles(one))]
     assert abs(float(np.median(periods)) - 1.0) < 0.1
     assert "joint_states: stamp is zero" in " ".join(one.diagnostics[OWN][2])
-    # A busy machine sends fewer than 200 a second.
-    rate = sent / (time.monotonic() - start)
-    assert float(one.diagnostics["joint1"][2]["sample rate [Hz]"]) > 0.5 * rate
+    # A busy machine sends fewer than 200 a second, and in some seconds far fewer. The last one has not ended.
+    assert float(one.diagnostics["joint1"][2]["sample rate [Hz]"]) > 0.5 * min(sent[:-1])
 
 
 def test_silence_and_a_simulation_without_a_clock(ros_domain: int) -> None:
