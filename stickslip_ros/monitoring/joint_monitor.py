@@ -435,7 +435,7 @@ class JointMonitor:
         return needed
 
     def _note_needed_motion(self) -> None:
-        """Let the judgement know it."""
+        """Let the judgement know how long motion must last, and over which window a speed is measured."""
         self._motion.require(motion=self._needed_motion(), window=self.options.least_motion)
 
     def damping_reserve(self, velocity: float) -> float:

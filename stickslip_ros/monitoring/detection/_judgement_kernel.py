@@ -325,7 +325,7 @@ def _reference_stands(since, motion):
 
 
 @inlined()
-def share_of_reference(since, motion, detector):
+def _share_of_reference(since, motion, detector):
     """Way of the joint since a time, of its reference's, negative if they go opposite ways; 1 if that is not even."""
     newest, begin, fastest = motion.entries - 1, motion.entries - 1, 0.0
     while begin > max(0, motion.entries - PAST) and motion.past[(begin - 1) % PAST, TIME] >= since:
@@ -464,12 +464,12 @@ def judge(rest, motion, detector, remembers):
         if counts > 0.0:
             code, number = STEPS_OF_COUNTS, counts
     if code == MOVES:
-        share = share_of_reference(max(begun, now - _LONG_ENOUGH * needed), motion, detector)
+        share = _share_of_reference(max(begun, now - _LONG_ENOUGH * needed), motion, detector)
         if not _WITH_IT[0] <= share <= _WITH_IT[1]:
             return NOT_FOLLOWING, share, 0.0
-    if code == MOVES and now - motion.uneven_at < motion.needed:
-        return motion.uneven, motion.unevenness, 0.0
-    if remembers and code != MOVES:
+        if now - motion.uneven_at < needed:
+            return motion.uneven, motion.unevenness, 0.0
+    elif remembers:
         motion.uneven, motion.unevenness, motion.uneven_at = code, number, now
     return code, number, 0.0
 
