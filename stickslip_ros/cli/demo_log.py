@@ -199,7 +199,7 @@ def draw(data: DemoData, path: Path, *, title: str, marks: Sequence[tuple[float,
             begin, end, color=RED, alpha=0.12, linewidth=0, label="slip of a detected cycle" if number == 0 else None
         )
     top.set_ylabel(f"position [{prefix}{unit}]")
-    top.legend(loc="upper left", frameon=False)
+    top.legend(loc="lower right", frameon=False)  # where a joint that moves up leaves room
     top.set_title(title, loc="left")
     if has_velocity:
         panel = panels.pop(0)

@@ -387,5 +387,24 @@ def test_gains_outside_the_limits_begin_no_ramp(largest: float) -> None:
     machine.folder.cleanup()
 
 
+@pytest.mark.parametrize(("later", "answer"), [(Status.SMOOTH, "smooth"), (Status.AT_RISK, "at_risk")])
+def test_dips_of_the_ramp_itself_are_not_its_outcome(later: Status, answer: str) -> None:
+    """The demo said "at_risk now" of a joint that was smooth two seconds later."""
+    machine = RampMachine()
+    machine._begin()
+    machine._pass(1.0)
+    while machine.controller.gains != TARGET.values():
+        machine._pass(0.1)
+    machine.motion.status = Status.AT_RISK
+    machine._pass(5.0)
+    assert machine.outcome is None
+    machine.motion.status = later
+    machine._pass(10.0)
+    assert machine.outcome is not None
+    assert machine.outcome.success
+    assert f"stick_slip before, {answer} now" in machine.outcome.message
+    machine.folder.cleanup()
+
+
 if __name__ == "__main__":
     take_steps(int(sys.argv[1]), report_multiple_bugs=False, phases=(Phase.generate,), database=None)

@@ -287,7 +287,10 @@ class GainApplication:
         return steps
 
     def _judged(self) -> Script[Status | None]:
-        """The status with the new gains, None if it is not known in time."""
+        """The status with the new gains, None if it is not known in time.
+
+        What dipped while the gains rose leaves a joint at risk for some cycles: that is the answer only if it remains.
+        """
         begun, cycles = self._clock(), self._watch.cycles
         cycle = self._watch.assessment().last_cycle
         patience = min(_JUDGEMENT + (_CYCLES * cycle.period if cycle is not None else 0.0), _LONGEST_JUDGEMENT)
@@ -296,9 +299,9 @@ class GainApplication:
             status = self._watch.status
             # Two more cycles are stick-slip with the new gains, and not with those before.
             sticks = status is Status.STICK_SLIP and self._watch.cycles >= cycles + 2
-            if self._clock() - begun >= 2.0 * WATCH and (sticks or status in (Status.SMOOTH, Status.AT_RISK)):
+            if self._clock() - begun >= 2.0 * WATCH and (sticks or status is Status.SMOOTH):
                 return status
-        return None
+        return Status.AT_RISK if self._watch.status is Status.AT_RISK else None
 
     def _advised(self, begin: GainPair) -> Script[Target]:
         """The advice for the gains in force, once the monitor has these."""
