@@ -55,7 +55,9 @@ _LEAST_PEAK_SPEED_RATIO = 1.3  # peak speed, of the reference's: with less the j
 _MOST_BURSTS = 2  # bursts in a slip, 1: between two it may have stopped too briefly to be seen, but not again and again
 # Slip, of the train's median: a smaller one may be the first part of a slip that goes on in a moment.
 _WHOLE_SLIP = 0.75
-_TRAIN_OF_HUNTING, _TRAIN_OF_SMALL_SWINGS = 3, 8  # swings in a row that are reported as hunting, 1; small swings
+# Swings in a row that are reported as hunting, 1: where two of them stop at their turns; else, or where they are small.
+_TRAIN_OF_HUNTING, _TRAIN_OF_ROUND_SWINGS = 3, 8
+_STOPS_OF_HUNTING = _TRAIN_OF_HUNTING - 1  # of them stop at their turns, 1: the first may begin with a move
 _SMALL_SWING = 12.0  # swing, bands: a reading that wanders swings so far now and then, though not evenly
 _HUNTING_SHRINKS = 0.7  # swing, of the last one: with less the motion settles; a growth by more is no hunting
 _EVEN = 1.4  # duration without its stop, of the swing before the last, which went the same way
@@ -368,10 +370,12 @@ class CycleDetector:
             return []
         self._swings.append(swing)
         small = abs(swing.distance) < _SMALL_SWING * swing.band
-        if len(self._swings) < (_TRAIN_OF_SMALL_SWINGS if small else _TRAIN_OF_HUNTING):
+        # Two masses that ring keep up three swings without a stop now and then, for their oscillations beat.
+        certain_soon = not small and sum(map(_sticks, self._swings)) >= _STOPS_OF_HUNTING
+        if len(self._swings) < (_TRAIN_OF_HUNTING if certain_soon else _TRAIN_OF_ROUND_SWINGS):
             return []
         self._turned = swing.turned
-        certain, self._swings = self._swings[self._reported_swings :], self._swings[-_TRAIN_OF_SMALL_SWINGS:]
+        certain, self._swings = self._swings[self._reported_swings :], self._swings[-_TRAIN_OF_ROUND_SWINGS:]
         self._reported_swings = len(self._swings)
         return self._once([_cycle_of_swing(one) for one in certain])
 
@@ -471,20 +475,23 @@ def _cycle_of_swing(swing: Swing) -> Cycle:
     )
 
 
+def _sticks(swing: Swing) -> bool:
+    """Whether it sticks, or creeps, and so lasts longer at its turns than free oscillation, which is half a cosine."""
+    return swing.middle < _MIDDLE_OF_HUNTING * (swing.arrest - swing.reached)
+
+
 def _hunts_on(swings: Sequence[Swing], swing: Swing) -> bool:
     """Whether a swing is like those before it, about a reference that stands or goes on evenly."""
     if not swings:
         return True
     last = swings[-1]
-    # A swing of free oscillation is half a cosine. One that sticks, or creeps, lasts longer at its turns.
-    sticks = swing.middle < _MIDDLE_OF_HUNTING * (swing.arrest - swing.reached)
     # As the reference sees it: where that goes on, the joint goes farther one way than the other.
     kept = abs((swing.distance - swing.travel) / (last.distance - last.travel))
     lasted = (swing.arrest - swing.left) / (swings[-2].arrest - swings[-2].left) if len(swings) > 1 else 1.0
     faster = (swing.reference_velocity - last.reference_velocity) * (swing.arrest - swing.reached)
     return (
         swing.reached == last.arrest
-        and (_HUNTING_SHRINKS if sticks else _SUSTAINED) <= kept <= 1.0 / _HUNTING_SHRINKS
+        and (_HUNTING_SHRINKS if _sticks(swing) else _SUSTAINED) <= kept <= 1.0 / _HUNTING_SHRINKS
         and 1.0 / _EVEN <= lasted <= _EVEN
         and abs(faster) <= max(STANDS * abs(swing.distance), swing.band)
     )
