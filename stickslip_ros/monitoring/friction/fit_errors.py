@@ -24,7 +24,7 @@ from stickslip_ros.model.bounds import TINY
 from stickslip_ros.monitoring.friction._window_kernel import INERTIA, LEVEL, RISE_TIME, STRIBECK, VISCOUS
 from stickslip_ros.monitoring.friction.late_controller import LATE, Delay
 from stickslip_ros.monitoring.friction.slip_data import NoiseModel, SlipData
-from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
+from stickslip_ros.monitoring.friction.slip_fit import Prior, ScoredFit, SlipFit
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_solution import OUTLIER
 from stickslip_ros.monitoring.friction.slip_windows import stiffness_difference
@@ -52,26 +52,6 @@ class Observed(Protocol):
 
     data: SlipData
     noise: NoiseModel
-
-
-class ScoredFit(Protocol):
-    """What a fit leaves over and what it rests on, as of :class:`.SlipFit`."""
-
-    @property
-    def residuals(self) -> FloatArray:
-        """Of the observations, in standard deviations."""
-
-    @property
-    def information(self) -> FloatArray:
-        """Of the data on what is fitted."""
-
-    @property
-    def scores(self) -> FloatArray:
-        """Each slip's share of the gradient."""
-
-    @property
-    def bias_sensitivity(self) -> FloatArray:
-        """Gradient by a discrepancy in each part of the slips."""
 
 
 def covariance_of(information: FloatArray, prior: Prior) -> FloatArray:
