@@ -80,6 +80,11 @@ class FittedLaw:
         """Whether it leaves nothing over."""
         return self.solution.tolerance == 0.0 and self.solution.mean_square < FITS
 
+    def term_parameter(self, name: str, covariance: FloatArray) -> tuple[float, float]:
+        """A term's parameter and its standard error, by the covariance of all parameters, shape (p + k, p + k)."""
+        column = self.problem.column[name]
+        return float(self.solution.fit.parameters[column]), math.sqrt(max(float(covariance[column, column]), 0.0))
+
     def refitted(self, solution: Solution) -> FittedLaw:
         """The same with another fit of the slips, of which the optional terms are not known yet."""
         return replace(self, solution=solution, by_optional_terms=np.zeros(()), late=None)
