@@ -37,7 +37,7 @@ from stickslip_ros.monitoring.friction._bristle_kernel import (
 )
 from stickslip_ros.monitoring.friction.fit_errors import OF_HOLDING, covariance_by_residuals
 from stickslip_ros.monitoring.friction.late_controller import LATE, SPREAD_LIMIT
-from stickslip_ros.monitoring.friction.laws import EXCLUDED
+from stickslip_ros.monitoring.friction.model_selection import EXCLUDED
 from stickslip_ros.monitoring.friction.slip_data import NoiseModel, SlipData
 from stickslip_ros.monitoring.friction.slip_fit import Prior, ScoredFit, robust, weights
 from stickslip_ros.monitoring.friction.slip_problem import Budget

@@ -50,8 +50,7 @@ from stickslip_ros.monitoring.friction.late_controller import (
     may_hide_a_delay,
     model_of,
 )
-from stickslip_ros.monitoring.friction.laws import weighed_laws
-from stickslip_ros.monitoring.friction.optional_terms import with_optional_terms, with_shown_terms
+from stickslip_ros.monitoring.friction.model_selection import weighed_laws, with_optional_terms, with_shown_terms
 from stickslip_ros.monitoring.friction.profile_likelihood import covariance_by_profile
 from stickslip_ros.monitoring.friction.slip_data import SlipData
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, Budget, SlipProblem
