@@ -11,7 +11,6 @@ import numpy as np
 from numpy.linalg import LinAlgError
 
 from stickslip_ros.model._friction_law import LAWS
-from stickslip_ros.model.friction import Joint
 from stickslip_ros.monitoring.drive import drive_gains
 from stickslip_ros.monitoring.friction import _window_kernel as kernel
 from stickslip_ros.monitoring.friction._window_kernel import LEVEL, STRIBECK
@@ -20,9 +19,8 @@ from stickslip_ros.monitoring.friction.curved_viscous import CurvedViscous
 from stickslip_ros.monitoring.friction.dry_friction import PositionDisturbance
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.friction.estimation import (
-    MOST_STEPS,
     SlipsOnBristles,
-    covariance_over_laws,
+    StudyQuestion,
     fitted_laws,
     friction_estimate,
     may_be_usable,
@@ -95,27 +93,6 @@ class Learnt:
         return model
 
 
-@dataclass(frozen=True, kw_only=True)
-class StudyQuestion:
-    """What a study is made of.
-
-    Attributes
-    ----------
-    windows : the slips. configured : prior, or None. start : logarithms that fitted earlier slips, or None.
-    rejected : laws that earlier slips have excluded. yields : whether they were of a contact that yields.
-    bristles : parameters of a joint on bristles that fitted them, or None.
-    most_steps : steps of simulation; a study that would take more is cut short, and its estimate says so.
-    """
-
-    windows: list[SlipWindow]
-    configured: Joint | None = None
-    start: FloatArray | None = None
-    rejected: tuple[str, ...] = ()
-    yields: bool = False
-    bristles: FloatArray | None = None
-    most_steps: float = MOST_STEPS
-
-
 def study(question: StudyQuestion) -> Learnt | None:
     """Fit slips, from no guess at all if need be; None if nothing fits them. Pure: it may run in another process.
 
@@ -154,22 +131,13 @@ def _fitted(question: StudyQuestion) -> Learnt | None:
 
 
 def _study(question: StudyQuestion) -> Learnt | None:
-    windows, configured = question.windows, question.configured
-    fits = fitted_laws(
-        windows,
-        configured,
-        question.start,
-        question.rejected,
-        yields=question.yields,
-        bristles=question.bristles,
-        most_steps=question.most_steps,
-    )
+    fits = fitted_laws(question)
     if not fits:
         return None
     problem, solution = fits[0].problem, fits[0].solution
     fit, curved = solution.fit, problem.model.term(CurvedViscous)
     without_drift, of_balance = problem.without_drift
-    estimate = friction_estimate(fits, covariance_over_laws(fits), configured=configured is not None)
+    estimate = friction_estimate(fits, configured=question.configured is not None)
     if estimate.source is ForceSource.EFFORT:
         estimate = replace(estimate, drive=drive_gains(problem, fit.parameters, fit.unknowns))
     return Learnt(

@@ -28,11 +28,11 @@ from stickslip_ros.monitoring.friction.estimate import (
     NAMES,
     FrictionEstimate,
 )
-from stickslip_ros.monitoring.friction.estimation import estimate_friction
+from stickslip_ros.monitoring.friction.estimation import StudyQuestion, estimate_friction
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
-from stickslip_ros.monitoring.study import StudyQuestion, study
+from stickslip_ros.monitoring.study import study
 
 pytestmark = pytest.mark.slow
 

@@ -24,11 +24,12 @@ from stickslip_ros.monitoring.advice.limits import AdviceLimits
 from stickslip_ros.monitoring.assessment import Assessment, MonitorOptions
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.friction.change import friction_change
+from stickslip_ros.monitoring.friction.estimation import StudyQuestion
 from stickslip_ros.monitoring.friction.learner import FrictionLearner
 from stickslip_ros.monitoring.friction.slip_windows import slip_window
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
-from stickslip_ros.monitoring.study import StudyQuestion, study
+from stickslip_ros.monitoring.study import study
 from stickslip_ros.output.wording import friction_change_text
 
 pytestmark = pytest.mark.slow

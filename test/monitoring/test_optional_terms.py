@@ -161,7 +161,7 @@ def test_the_order_of_optional_terms_does_not_matter(
         straight, sampled=True, control_delay=delay, viscous=straight.viscous * (1.0 - curvature), drag=drag
     )
     windows, _ = cut_slips(recording(machine, gains, RESOLUTION), gains)
-    room, table = "stickslip_ros.monitoring.friction.optional_terms", "SCORED_TERMS"
+    room, table = "stickslip_ros.monitoring.friction.model_selection", "SCORED_TERMS"
     terms = pkgutil.resolve_name(f"{room}:{table}")
     assert len(terms) > 1
     found = []

@@ -28,9 +28,10 @@ from stickslip_ros.monitoring.advice.recommend import recommend
 from stickslip_ros.monitoring.advice.recommendation import Kind
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.status import Status
+from stickslip_ros.monitoring.friction.estimation import StudyQuestion
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
-from stickslip_ros.monitoring.study import StudyQuestion, study
+from stickslip_ros.monitoring.study import study
 from stickslip_ros.nodes.conversion import stamp
 from stickslip_ros.nodes.state.plain_data import from_plain, to_plain
 

@@ -67,14 +67,10 @@ class Asymmetry:
 
 def asymmetry_of(fitted: FittedLaw, covariance: FloatArray) -> Asymmetry | None:
     """Of the Stribeck friction; None where it is taken for the same in both directions."""
-    problem = fitted.problem
-    if problem.model.term(AsymmetricStribeck) is None:
+    if fitted.problem.model.term(AsymmetricStribeck) is None:
         return None
-    column = problem.column["asymmetry"]
-    return Asymmetry(
-        value=float(fitted.solution.fit.parameters[column]),
-        std=math.sqrt(max(float(covariance[column, column]), 0.0)),
-    )
+    value, std = fitted.term_parameter("asymmetry", covariance)
+    return Asymmetry(value=value, std=std)
 
 
 def in_the_worse_direction(

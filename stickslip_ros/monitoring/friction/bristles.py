@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import chain, islice
 
 import numpy as np
@@ -37,9 +37,9 @@ from stickslip_ros.monitoring.friction._bristle_kernel import (
 )
 from stickslip_ros.monitoring.friction.fit_errors import OF_HOLDING, covariance_by_residuals
 from stickslip_ros.monitoring.friction.late_controller import LATE, SPREAD_LIMIT
-from stickslip_ros.monitoring.friction.laws import EXCLUDED
+from stickslip_ros.monitoring.friction.model_selection import EXCLUDED
 from stickslip_ros.monitoring.friction.slip_data import NoiseModel, SlipData
-from stickslip_ros.monitoring.friction.slip_fit import Prior, robust, weights
+from stickslip_ros.monitoring.friction.slip_fit import Prior, ScoredFit, robust, weights
 from stickslip_ros.monitoring.friction.slip_problem import Budget
 from stickslip_ros.monitoring.friction.slip_solution import FITS, WIDE
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
@@ -166,24 +166,13 @@ class BristleContact:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Point:
-    """A point of a fit: parameters, and where each slip begins, with the residuals there."""
+class _Point(ScoredFit):
+    """A point of a fit: parameters, and where each slip begins; scored by the free parameters."""
 
     parameters: FloatArray
     rests: FloatArray
-    residuals: FloatArray
     velocities: FloatArray
     cost: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Slopes:
-    """Of the residuals at a point, by parameters and by each slip's rest; as :mod:`.fit_errors` has them."""
-
-    residuals: FloatArray
-    information: FloatArray
-    scores: FloatArray
-    bias_sensitivity: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
 
 
 class _Fit:
@@ -259,8 +248,12 @@ class _Fit:
             cost=cost if math.isfinite(cost) else math.inf,
         )  # fmt: skip
 
-    def _slopes(self, point: _Point) -> tuple[FloatArray, FloatArray]:
-        """Slopes of the residuals by the free parameters, shape (p, m), and by the rest of their slip, shape (m,)."""
+    def _equations(self, point: _Point) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Slopes of the residuals by the free parameters, shape (p, m), and by the rest of their slip, shape (m,).
+
+        With the weights of the residuals, shape (m,); the products of both slopes, shape (p, slips); and the diagonal
+        matrix of the rests, shape (slips,).
+        """
         count = len(self._free)
         parameters, rests = (np.repeat(one[None], count + 1, axis=0) for one in (point.parameters, point.rests))
         way = _WAY * self.data.usual_distance
@@ -269,7 +262,9 @@ class _Fit:
         rests[count] += way
         slopes = (self._simulated(parameters, rests)[0] - point.residuals) / steps[:, None]
         slopes = np.where(np.isfinite(slopes), slopes, 0.0)
-        return slopes[:-1], slopes[-1]
+        by_shared, by_own, counts = slopes[:-1], slopes[-1], weights(point.residuals)
+        mixed = np.array([self._by_slip(counts * one * by_own) for one in by_shared])
+        return by_shared, by_own, counts, mixed, self._by_slip(counts * by_own * by_own) + 1e-12
 
     def fit(self, point: _Point, iterations: int, enough: float = 0.0) -> _Point:
         """Levenberg-Marquardt with each slip's own unknown eliminated; ends where an iteration gains too little."""
@@ -277,13 +272,10 @@ class _Fit:
         for _ in range(iterations):
             if self.budget.spent:
                 break
-            by_shared, by_own = self._slopes(point)
-            counts = weights(point.residuals)
+            by_shared, by_own, counts, mixed, own = self._equations(point)
             off = (self.prior.information @ (point.parameters - self.prior.mean))[self._free]
             matrix = (by_shared * counts) @ by_shared.T + self.prior.information[np.ix_(self._free, self._free)]
             gradient = (by_shared * counts) @ point.residuals + off
-            mixed = np.array([self._by_slip(counts * one * by_own) for one in by_shared])
-            own = self._by_slip(counts * by_own * by_own) + 1e-12
             own_gradient = self._by_slip(counts * by_own * point.residuals)
             found = point
             for _ in range(_ATTEMPTS):
@@ -326,18 +318,15 @@ class _Fit:
         """Of the residuals that count."""
         return float(np.mean(point.residuals[self.noise.counted] ** 2)) if self.noise.counted.any() else math.inf
 
-    def scored(self, point: _Point) -> _Slopes:
-        """Information, scores and sensitivity to a systematic discrepancy, the slips' own unknowns eliminated."""
+    def scored(self, point: _Point) -> _Point:
+        """The point with information, scores and bias sensitivity, the slips' own unknowns eliminated."""
         data = self.data
-        by_shared, by_own = self._slopes(point)
-        counts = weights(point.residuals) * self.noise.counted
-        own = self._by_slip(counts * by_own * by_own) + 1e-12
-        mixed = np.array([self._by_slip(counts * one * by_own) for one in by_shared])
+        by_shared, by_own, counts, mixed, own = self._equations(point)
         left = by_shared - (mixed / own)[:, data.slip_of] * by_own
         shares = data.directions[data.slip_of] * data.distances[data.slip_of] / self.noise.errors
         parts = range(int(data.parts_of_slips.max()) + 1)
-        return _Slopes(
-            residuals=point.residuals,
+        return replace(
+            point,
             information=(left * counts) @ by_shared.T,
             scores=np.array([self._by_slip(counts * one * point.residuals) for one in left]).T,
             bias_sensitivity=np.array(

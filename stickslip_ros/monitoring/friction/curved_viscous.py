@@ -8,7 +8,6 @@ in a slip.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -85,16 +84,11 @@ class Curvature:
 
 def curvature_of(fitted: FittedLaw, covariance: FloatArray) -> Curvature | None:
     """Of viscous friction over speed; None where it is taken for a straight line."""
-    problem = fitted.problem
-    curved = problem.model.term(CurvedViscous)
+    curved = fitted.problem.model.term(CurvedViscous)
     if curved is None:
         return None
-    column = problem.column["curvature"]
-    return Curvature(
-        value=float(fitted.solution.fit.parameters[column]),
-        std=math.sqrt(max(float(covariance[column, column]), 0.0)),
-        speed=curved.speed,
-    )
+    value, std = fitted.term_parameter("curvature", covariance)
+    return Curvature(value=value, std=std, speed=curved.speed)
 
 
 def _with_curve(fitted: FittedLaw) -> SlipProblem | None:

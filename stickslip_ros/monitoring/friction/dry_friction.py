@@ -16,10 +16,9 @@ import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stickslip_ros.model.bounds import TINY
-from stickslip_ros.monitoring.friction.regression import SIGNIFICANT_ERRORS, Regression, regression, student_tail
+from stickslip_ros.monitoring.friction.regression import Regression, regression
 from stickslip_ros.monitoring.friction.ripple import Ripple, find_ripple
 from stickslip_ros.monitoring.friction.slip_fit import SlipFit
 from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
@@ -36,7 +35,6 @@ _TOGETHER = 0.95  # correlation of time and position, 1: with more they are not 
 # Columns of a load over position, 1: with four an arm's weight over a right angle is exact.
 _PARABOLA, _MOST_BENDS = 2, 4
 _ROUNDING = 1e-10  # scatter of the kinetic friction, of its largest value: less is rounding
-_LOADS = 3  # loads that differ, 1: fewer show no dependence on the load
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,25 +152,15 @@ def dry_friction(
     all_columns = np.column_stack([columns, ripple.columns(position)]) if ripple else columns
     fit = regression(all_columns, kinetic, error)
     drift = _term(fit, size) if drifts else None
-    steady = kinetic - (ripple.at(position) if ripple else 0.0) - (drift.value * since[:, 0] if drift else 0.0)
-    numbers = _numbers_of_places(position)
-    # What the load varies by within a place must not pass for friction.
-    load = varying[:, :bends] @ fit.coefficients[base.shape[1] : base.shape[1] + bends]
-    steady = steady - load + direction * _means(direction * load, numbers)
-    steady_places = _places(steady, direction, position, numbers, fit.scatter)
     return DryFriction(
         coulomb=_term(fit, 0),
         load=_term(fit, 1) if base.shape[1] > 1 else None,
         drift=drift,
         distinguished=_distinguished(base, since[:, 0], position),
         ripple=ripple,
-        load_dependence=_term(fit, size - 1)
-        if varying.shape[1] > bends
-        else _load_dependence(steady_places)
-        if count >= LEAST_SLIPS
-        else None,
+        load_dependence=_term(fit, size - 1) if varying.shape[1] > bends else None,
         scatter=fit.scatter,
-        places=tuple(_places(kinetic, direction, position, numbers, standard_error).values()),
+        places=_places(kinetic, direction, position, standard_error),
         direction=direction,
         position=position,
         time=time,
@@ -354,69 +342,31 @@ def _distinguished(base: FloatArray, since: FloatArray, position: FloatArray) ->
     return float(own @ own) > 0 and float(explained @ explained) < _TOGETHER**2 * float(own @ own)
 
 
-def _means(values: FloatArray, numbers: NDArray[np.int64]) -> FloatArray:
-    """Of each value the mean over its place."""
-    counts = np.maximum(np.bincount(numbers), 1)
-    return np.asarray((np.bincount(numbers, values) / counts)[numbers])
+def _places(
+    kinetic: FloatArray, direction: FloatArray, position: FloatArray, standard_error: float
+) -> tuple[Place, ...]:
+    """Means over the slips of each place, by direction and position; places without slips are left out.
 
-
-def _numbers_of_places(position: FloatArray) -> NDArray[np.int64]:
-    """In which place each slip began: of as many places of one width as leave some slips to each."""
+    There are as many places of one width as leave some slips to each.
+    """
     number = min(max(len(position) // _SLIPS_IN_A_PLACE, 1), _MOST_PLACES)
     shares = (position - position.min()) / max(float(np.ptp(position)), TINY)
-    return np.asarray(np.minimum(number * shares, number - 1).astype(np.int64))
-
-
-def _places(
-    kinetic: FloatArray, direction: FloatArray, position: FloatArray, numbers: NDArray[np.int64], standard_error: float
-) -> dict[tuple[int, int], Place]:
-    """Means over the slips of each place, by direction and the place's number; places without slips are left out."""
-    found = {}
+    numbers = np.minimum(number * shares, number - 1).astype(np.int64)
+    found = []
     for way in (1, -1):
-        for number in range(_MOST_PLACES):
-            here = (numbers == number) & (direction == way)
+        for place in range(number):
+            here = (numbers == place) & (direction == way)
             count = int(here.sum())
             if not count:
                 continue
             scatter = max(float(kinetic[here].std(ddof=1)) if count > 1 else 0.0, standard_error)
-            found[way, number] = Place(
-                direction=way,
-                position=float(position[here].mean()),
-                mean=float(kinetic[here].mean()),
-                std=scatter / math.sqrt(count) if scatter > 0 else math.nan,
-                slips=count,
+            found.append(
+                Place(
+                    direction=way,
+                    position=float(position[here].mean()),
+                    mean=float(kinetic[here].mean()),
+                    std=scatter / math.sqrt(count) if scatter > 0 else math.nan,
+                    slips=count,
+                )
             )
-    return found
-
-
-def _load_dependence(places: dict[tuple[int, int], Place]) -> Term | None:
-    """Slope of the mean of both directions over the size of half their difference, place by place.
-
-    None if less than three loads are clearly different, or friction does not follow them.
-    """
-    pairs = [(places[1, number], places[-1, number]) for way, number in places if way == 1 and (-1, number) in places]
-    if len(pairs) < _LOADS:
-        return None
-    means = np.array([0.5 * (forward.mean + back.mean) for forward, back in pairs])
-    loads = np.abs([0.5 * (forward.mean - back.mean) for forward, back in pairs])
-    errors = np.array([0.5 * math.hypot(forward.std, back.std) for forward, back in pairs])
-    if not (errors > 0).all() or _different(loads, errors) < _LOADS:
-        return None
-    columns = np.column_stack([np.ones(len(pairs)), loads]) / errors[:, None]
-    inverse = np.linalg.inv(columns.T @ columns)
-    slope = float((inverse @ columns.T @ (means / errors))[1])
-    freedom = len(pairs) - 2
-    left = means / errors - columns @ (inverse @ columns.T @ (means / errors))
-    std = math.sqrt(float(inverse[1, 1]) * max(float(left @ left) / freedom, 1.0))
-    significance = student_tail(abs(slope) / std, freedom)
-    return Term(value=slope, std=std, significance=significance) if significance < SIGNIFICANT else None
-
-
-def _different(loads: FloatArray, errors: FloatArray) -> int:
-    """How many loads there are, those counted as one that their errors do not tell apart."""
-    order = np.argsort(loads)
-    count, last = 1, order[0]
-    for one in order[1:]:
-        if loads[one] - loads[last] > SIGNIFICANT_ERRORS * math.hypot(errors[one], errors[last]):
-            count, last = count + 1, one
-    return count
+    return tuple(found)

@@ -9,7 +9,6 @@ the paper's law: the values of another would mean something else.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -51,11 +50,9 @@ from stickslip_ros.monitoring.friction.late_controller import (
     may_hide_a_delay,
     model_of,
 )
-from stickslip_ros.monitoring.friction.laws import weighed_laws
-from stickslip_ros.monitoring.friction.optional_terms import with_optional_terms, with_shown_terms
+from stickslip_ros.monitoring.friction.model_selection import weighed_laws, with_optional_terms, with_shown_terms
 from stickslip_ros.monitoring.friction.profile_likelihood import covariance_by_profile
 from stickslip_ros.monitoring.friction.slip_data import SlipData
-from stickslip_ros.monitoring.friction.slip_fit import SlipFit
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, Budget, SlipProblem
 from stickslip_ros.monitoring.friction.slip_search import search
 from stickslip_ros.monitoring.friction.slip_solution import FITS, truncated_fit
@@ -86,6 +83,28 @@ class SlipsOnBristles(FittedLaw):
     bristles: tuple[BristleFit, ...]
 
 
+@dataclass(frozen=True, kw_only=True)
+class StudyQuestion:
+    """What a study is made of.
+
+    Attributes
+    ----------
+    windows : the slips. configured : prior, or None. start : logarithms that fitted earlier slips under the paper's
+        law, or None.
+    rejected : laws that earlier slips have excluded, and LUGRE if they excluded bristles. yields : whether they were of
+        a contact that yields. bristles : parameters of a joint on bristles that fitted them, or None.
+    most_steps : steps of simulation; a study that would take more is cut short, and its estimate says so.
+    """
+
+    windows: list[SlipWindow]
+    configured: Joint | None = None
+    start: FloatArray | None = None
+    rejected: tuple[str, ...] = ()
+    yields: bool = False
+    bristles: FloatArray | None = None
+    most_steps: float = MOST_STEPS
+
+
 def estimate_friction(windows: list[SlipWindow], configured: Joint | None = None) -> FrictionEstimate | None:
     """Estimate from all slips at once; None if there are too few, or nothing fits.
 
@@ -102,41 +121,29 @@ def estimate_friction(windows: list[SlipWindow], configured: Joint | None = None
     chosen = KeptSlips(best_known(windows)).windows
     if len(chosen) < LEAST_SLIPS:
         return None
-    fits = fitted_laws(chosen, configured)
-    return friction_estimate(fits, covariance_over_laws(fits), configured=configured is not None) if fits else None
+    fits = fitted_laws(StudyQuestion(windows=chosen, configured=configured))
+    return friction_estimate(fits, configured=configured is not None) if fits else None
 
 
-def fitted_laws(
-    windows: list[SlipWindow],
-    configured: Joint | None,
-    start: FloatArray | None = None,
-    rejected: Collection[str] = (),
-    *,
-    yields: bool = False,
-    bristles: FloatArray | None = None,
-    most_steps: float = MOST_STEPS,
-) -> list[FittedLaw]:
+def fitted_laws(question: StudyQuestion) -> list[FittedLaw]:
     """The laws that slips do not exclude, fitted to them, the paper's first if it is among them; none if nothing fits.
 
-    Parameters
-    ----------
-    start : logarithms that fitted earlier slips under the paper's law, or None. rejected : laws that these excluded,
-        and LUGRE if they excluded bristles. yields : whether these were of a contact that yields. bristles : parameters
-        of a joint on bristles that fitted them, or None. most_steps : of simulation; then the fits end where they are.
+    Where the steps of simulation are spent, the fits end where they are.
     """
-    windows = _of_known_directions(windows, np.ones(len(windows), dtype=bool))
-    budget = Budget(most_steps)
+    configured, start, rejected = question.configured, question.start, question.rejected
+    windows = _of_known_directions(question.windows, np.ones(len(question.windows), dtype=bool))
+    budget = Budget(question.most_steps)
     known = _prior_knowledge(configured, normalised=windows[0].source is ForceSource.SPEED)
     problem = SlipProblem(SlipData(windows), model_of(windows, known=known), budget=budget)
     excluded, tried = LUGRE in rejected, False
-    if bristles is not None and start is not None:
+    if question.bristles is not None and start is not None:
         # No search for what else may explain the slips, where a fit near the earlier one does not.
         near = truncated_fit(problem.spread(), start)
         if near is not None and not FittedLaw(solution=near).fits:
-            if found := bristle_fits(windows, bristles):
+            if found := bristle_fits(windows, question.bristles):
                 return [SlipsOnBristles(solution=near, bristles=found)]
             tried = True
-    solution = fit_with_contact(problem, start) if yields and start is not None else None
+    solution = fit_with_contact(problem, start) if question.yields and start is not None else None
     if solution is None and (solution := search(problem, start)) is not None:
         # Slips set aside say nothing of their direction; with those of one alone nothing tells the load from friction.
         kept = _of_known_directions(windows, solution.problem.noise.usable)
@@ -147,7 +154,7 @@ def fitted_laws(
     plain = FittedLaw(solution=solution)
     # Joints on bristles are no paper's joint with a term more; slips that begin slowly are in vain fitted as others.
     if not plain.fits and not excluded:
-        if not tried and (found := bristle_fits(windows, bristles)):
+        if not tried and (found := bristle_fits(windows, question.bristles)):
             return [SlipsOnBristles(solution=solution, bristles=found)]
         excluded = len(windows) >= MOST_ON_BRISTLES
     steady = with_shown_terms(plain)
@@ -216,16 +223,11 @@ def _prior_knowledge(joint: Joint | None, *, normalised: bool) -> dict[int, tupl
     return {index: (math.log(value), _KNOWN_SPREAD) for index, value in known.items() if value > 0}
 
 
-def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configured: bool) -> FrictionEstimate:
-    """The estimate by the first law, with what speaks against it.
-
-    Parameters
-    ----------
-    covariance : as :func:`covariance_over_laws` has it.
-    """
+def friction_estimate(fits: list[FittedLaw], *, configured: bool) -> FrictionEstimate:
+    """The estimate by the first law, as it is at the latest slip, with what speaks against it."""
     if isinstance(fits[0], SlipsOnBristles):
         return _on_bristles(fits[0].bristles)
-    law, problem, solution = fits[0].law, fits[0].problem, fits[0].solution
+    problem, solution, covariance = fits[0].problem, fits[0].solution, covariance_over_laws(fits)
     fit = solution.fit
     aside = int((~problem.noise.usable).sum())
     # The subtracted force is only nearly the right one, so the fit without it is not certain either.
@@ -236,30 +238,66 @@ def friction_estimate(fits: list[FittedLaw], covariance: FloatArray, *, configur
         CUT_SHORT if fits[0].cut_short else "",
         contradiction(problem.data.windows),
     )
-    blank = FrictionEstimate(
+    mismatch = "; ".join(filter(None, reservations))
+    parameters, at_the_end = _as_reported(problem, fit.parameters, covariance)
+    coulomb = load = together = NOT_ESTIMATED
+    if not problem.data.normalised:
+        of_balance = problem.without_drift[1]
+        variances = np.diag(at_the_end)[len(parameters) + of_balance]
+        coulomb, load, together = _dry_parts(
+            fit.kinetic[of_balance],
+            np.sqrt(np.clip(variances, 0.0, None)),
+            math.exp(parameters[STRIBECK]),
+            certain=not mismatch,
+        )
+    return FrictionEstimate(
         source=problem.data.windows[0].source,
         normalised=problem.data.normalised,
-        logarithms=fit.parameters[:PARAMETERS],
-        covariance=np.zeros((PARAMETERS, PARAMETERS)),
-        coulomb=NOT_ESTIMATED,
-        load=NOT_ESTIMATED,
-        coulomb_and_load=NOT_ESTIMATED,
+        logarithms=parameters[:PARAMETERS],
+        covariance=at_the_end[:PARAMETERS, :PARAMETERS],
+        coulomb=coulomb,
+        load=load,
+        coulomb_and_load=together,
         slips=problem.data.count - aside,
         aside=aside,
         mean_square=solution.mean_square,
         left_over=solution.left_over,
         scatter=solution.balance_error,
-        mismatch="; ".join(filter(None, reservations)),
+        mismatch=mismatch,
         configured=configured,
-        law=law,
+        law=fits[0].law,
         alternatives=tuple(_alternative(other) for other in fits[1:]),
         dry=None if problem.data.normalised else dry_friction_of(problem, fit),
         friction_factor=friction_factor_of(fits[0], covariance),
+        late=delay_estimate(problem, fit.parameters, covariance),
         may_be_late=may_hide_a_delay(fits[0]),
         curvature=curvature_of(fits[0], covariance),
         asymmetry=asymmetry_of(fits[0], covariance),
     )
-    return _with_values(blank, problem, fit, covariance)
+
+
+def _dry_parts(
+    kinetic: FloatArray, errors: FloatArray, stribeck: float, *, certain: bool
+) -> tuple[ParameterEstimate, ParameterEstimate, ParameterEstimate]:
+    """Coulomb friction, load, and their sum against the motion where it has but one direction.
+
+    Parameters
+    ----------
+    kinetic, errors : Coulomb friction and load, or their sum alone, and standard errors [N·m]. stribeck : F_s∞ [N·m].
+    certain : whether anything may be identified.
+    """
+    scale = abs(float(kinetic[0])) + stribeck
+    found = [
+        ParameterEstimate(
+            value=float(value), std=float(error), identified=float(error) <= IDENTIFIED * scale and certain
+        )
+        for value, error in zip(kinetic, errors, strict=True)
+    ]
+    if len(found) > 1:
+        return found[0], found[1], NOT_ESTIMATED
+    together = found[0]
+    coulomb = ParameterEstimate(value=max(together.value, 0.0), std=abs(together.value), identified=False)
+    return coulomb, NOT_ESTIMATED, together
 
 
 def unexplained(fitted: FittedLaw) -> str:
@@ -328,16 +366,12 @@ def _on_bristles(fits: tuple[BristleFit, ...]) -> FrictionEstimate:
     """The estimate of a joint on bristles, by the likeliest of its Stribeck curves."""
     first, found = fits[0], [_bristle_values(fit) for fit in fits]
     aside = int((~first.noise.usable).sum())
-    error, load_error = np.sqrt(np.diag(first.covariance)[[bristle.COULOMB, bristle.LOAD]]).tolist()
-    kinetic = math.exp(first.parameters[bristle.COULOMB])
-    scale = IDENTIFIED * (kinetic + math.exp(first.parameters[bristle.STRIBECK]))
-    coulomb = together = ParameterEstimate(value=kinetic, std=kinetic * error, identified=kinetic * error <= scale)
-    load = NOT_ESTIMATED
-    if load_error > 0.0:
-        value = float(first.parameters[bristle.LOAD])
-        load, together = ParameterEstimate(value=value, std=load_error, identified=load_error <= scale), NOT_ESTIMATED
-    else:
-        coulomb = ParameterEstimate(value=kinetic, std=kinetic, identified=False)
+    # Motion one way does not tell a load from Coulomb friction, and leaves the load no error.
+    shown = [bristle.COULOMB, bristle.LOAD] if first.covariance[bristle.LOAD, bristle.LOAD] > 0.0 else [bristle.COULOMB]
+    kinetic, errors = first.parameters[shown], np.sqrt(np.diag(first.covariance)[shown])
+    kinetic[0] = math.exp(kinetic[0])
+    errors[0] *= kinetic[0]
+    coulomb, load, together = _dry_parts(kinetic, errors, math.exp(first.parameters[bristle.STRIBECK]), certain=True)
     # How far the others' values are off is part of the errors.
     covariance = found[0].covariance
     for other in found[1:]:
@@ -384,42 +418,3 @@ def _bristle_values(fit: BristleFit) -> LawAlternative:
 def _as_reported(problem: SlipProblem, parameters: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Parameters and covariance at the latest gains, in the direction in which there is more friction."""
     return in_the_worse_direction(problem, *at_the_latest_gains(problem, parameters, covariance))
-
-
-def _with_values(
-    blank: FrictionEstimate, problem: SlipProblem, fit: SlipFit, covariance: FloatArray
-) -> FrictionEstimate:
-    """The estimate with what was fitted, as it is at the latest slip, and its covariance (p + k, p + k)."""
-    late = delay_estimate(problem, fit.parameters, covariance)
-    parameters, covariance = _as_reported(problem, fit.parameters, covariance)
-    without_drift, of_balance = problem.without_drift
-    chosen = np.concatenate([without_drift, len(parameters) + of_balance])
-    parameters, covariance = parameters[without_drift], covariance[np.ix_(chosen, chosen)]
-    kinetic = fit.kinetic[of_balance]
-    coulomb = load = together = NOT_ESTIMATED
-    if not blank.normalised:
-        size = len(parameters)
-        errors = np.sqrt(np.clip(np.diag(covariance)[size:], 0.0, None))
-        scale = abs(float(kinetic[0])) + math.exp(parameters[STRIBECK])
-        found = [
-            ParameterEstimate(
-                value=float(value),
-                std=float(error),
-                identified=float(error) <= IDENTIFIED * scale and not blank.mismatch,
-            )
-            for value, error in zip(kinetic, errors, strict=True)
-        ]
-        if len(found) > 1:
-            coulomb, load = found[:2]
-        else:
-            together = found[0]
-            coulomb = ParameterEstimate(value=max(together.value, 0.0), std=abs(together.value), identified=False)
-    return replace(
-        blank,
-        logarithms=parameters[:PARAMETERS],
-        covariance=covariance[:PARAMETERS, :PARAMETERS],
-        coulomb=coulomb,
-        load=load,
-        coulomb_and_load=together,
-        late=late,
-    )

@@ -18,13 +18,12 @@ import math
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stickslip_ros.model.bounds import TINY
 from stickslip_ros.monitoring.friction._window_kernel import INERTIA, LEVEL, RISE_TIME, STRIBECK, VISCOUS
 from stickslip_ros.monitoring.friction.late_controller import LATE, Delay
 from stickslip_ros.monitoring.friction.slip_data import NoiseModel, SlipData
-from stickslip_ros.monitoring.friction.slip_fit import Prior, SlipFit
+from stickslip_ros.monitoring.friction.slip_fit import Prior, ScoredFit, SlipFit
 from stickslip_ros.monitoring.friction.slip_problem import PARAMETERS, SlipProblem
 from stickslip_ros.monitoring.friction.slip_solution import OUTLIER
 from stickslip_ros.monitoring.friction.slip_windows import stiffness_difference
@@ -52,26 +51,6 @@ class Observed(Protocol):
 
     data: SlipData
     noise: NoiseModel
-
-
-class ScoredFit(Protocol):
-    """What a fit leaves over and what it rests on, as of :class:`.SlipFit`."""
-
-    @property
-    def residuals(self) -> FloatArray:
-        """Of the observations, in standard deviations."""
-
-    @property
-    def information(self) -> FloatArray:
-        """Of the data on what is fitted."""
-
-    @property
-    def scores(self) -> FloatArray:
-        """Each slip's share of the gradient."""
-
-    @property
-    def bias_sensitivity(self) -> FloatArray:
-        """Gradient by a discrepancy in each part of the slips."""
 
 
 def covariance_of(information: FloatArray, prior: Prior) -> FloatArray:
@@ -116,44 +95,6 @@ def covariance_by_residuals(problem: Observed, fit: ScoredFit, prior: Prior) -> 
         factors = np.sqrt(np.maximum(1.0, np.diag(seen) / np.maximum(np.diag(covariance), TINY)))
         covariance = covariance * np.outer(factors, factors)
     return np.asarray(covariance + _by_discrepancy(problem, fit, narrow))
-
-
-def repeating_residual(problem: Observed, fit: ScoredFit) -> float:
-    """Systematic residual, common to all slips, as a standard deviation in slip distances.
-
-    It is the mean residual of each part of a slip, less what the scatter within the part explains.
-    """
-    means, scatter, counts = _residual_of_parts(problem, fit)
-    seen = counts > 1
-    if not seen.any():
-        return 0.0
-    excess = means**2 - scatter / np.maximum(counts, 1)
-    return float(np.sqrt(max(float(excess[seen].mean()), 0.0)))
-
-
-def repeats_for_sure(problem: Observed, fit: ScoredFit) -> bool:
-    """Whether the mean residuals of the parts of a slip are more than chance makes of independent ones."""
-    means, scatter, counts = _residual_of_parts(problem, fit)
-    seen = (counts > 2) & (scatter > 0.0)
-    freedom = int(np.count_nonzero(seen))
-    squares = float((means[seen] ** 2 * counts[seen] / scatter[seen]).sum())
-    return squares > freedom + _SURE * math.sqrt(2.0 * freedom)
-
-
-def _residual_of_parts(problem: Observed, fit: ScoredFit) -> tuple[FloatArray, FloatArray, NDArray[np.int64]]:
-    """Mean residual of each part of a slip that is counted, and its variance, as shares of a slip's distance; how many.
-
-    In the direction of the slip; all of the same shape (parts,).
-    """
-    data = problem.data
-    parts = data.parts_of_slips
-    used = problem.noise.counted
-    shares = (fit.residuals * problem.noise.errors * data.directions[data.slip_of])[used]
-    shares = shares / data.distances[data.slip_of[used]]
-    counts = np.bincount(parts[used])
-    means = np.bincount(parts[used], shares) / np.maximum(counts, 1)
-    scatter = np.bincount(parts[used], (shares - means[parts[used]]) ** 2) / np.maximum(counts - 1, 1)
-    return means, scatter, counts
 
 
 def _by_sampling(problem: SlipProblem, fit: SlipFit, late: float) -> FloatArray:
@@ -240,8 +181,32 @@ def _by_unidentified_rise(problem: SlipProblem, fit: SlipFit, prior: Prior) -> F
 def _by_discrepancy(problem: Observed, fit: ScoredFit, covariance: FloatArray) -> FloatArray:
     """Covariance of what a discrepancy that repeats from slip to slip makes of the parameters."""
     count = len(fit.bias_sensitivity)
-    size = repeating_residual(problem, fit) ** 2 * count / max(count - _ABSORBED, 1)
-    if repeats_for_sure(problem, fit):
+    repeats, surely = _repeating_residual(problem, fit)
+    size = repeats**2 * count / max(count - _ABSORBED, 1)
+    if surely:
         size *= _WRONG_LAW**2
     moved = covariance @ fit.bias_sensitivity.T
     return np.asarray(size * moved @ moved.T)
+
+
+def _repeating_residual(problem: Observed, fit: ScoredFit) -> tuple[float, bool]:
+    """Systematic residual, common to all slips, as a standard deviation in slip distances; whether it is no chance.
+
+    It is the mean residual of each part of a slip that is counted, in the direction of the slip, less what the scatter
+    within the part explains. Chance is what makes the means of independent residuals.
+    """
+    data = problem.data
+    parts = data.parts_of_slips
+    used = problem.noise.counted
+    shares = (fit.residuals * problem.noise.errors * data.directions[data.slip_of])[used]
+    shares = shares / data.distances[data.slip_of[used]]
+    counts = np.bincount(parts[used])
+    means = np.bincount(parts[used], shares) / np.maximum(counts, 1)
+    scatter = np.bincount(parts[used], (shares - means[parts[used]]) ** 2) / np.maximum(counts - 1, 1)
+    seen = counts > 1
+    excess = means**2 - scatter / np.maximum(counts, 1)
+    repeats = math.sqrt(max(float(excess[seen].mean()), 0.0)) if seen.any() else 0.0
+    seen = (counts > 2) & (scatter > 0.0)
+    freedom = int(np.count_nonzero(seen))
+    squares = float((means[seen] ** 2 * counts[seen] / scatter[seen]).sum())
+    return repeats, squares > freedom + _SURE * math.sqrt(2.0 * freedom)

@@ -51,7 +51,7 @@ class FittedLaw:
     position_disturbance : force subtracted from that of the problem's slips, None if none is.
     rejected : names of the laws that screening has rejected for good.
     unsettled : whether the joint's contact yields, and the joint slips again before it has come to rest on the contact.
-    by_optional_terms : covariance of parameters and kinetic friction that :mod:`.optional_terms` which were not fitted
+    by_optional_terms : covariance of parameters and kinetic friction that :mod:`.model_selection` which were not fitted
         may cause, shape (p + k, p + k), or 0.
     late : root mean square of the controller's delay where it is not fitted [sample intervals], by its posterior; None
         where the slips say nothing of it.
@@ -79,6 +79,11 @@ class FittedLaw:
     def fits(self) -> bool:
         """Whether it leaves nothing over."""
         return self.solution.tolerance == 0.0 and self.solution.mean_square < FITS
+
+    def term_parameter(self, name: str, covariance: FloatArray) -> tuple[float, float]:
+        """A term's parameter and its standard error, by the covariance of all parameters, shape (p + k, p + k)."""
+        column = self.problem.column[name]
+        return float(self.solution.fit.parameters[column]), math.sqrt(max(float(covariance[column, column]), 0.0))
 
     def refitted(self, solution: Solution) -> FittedLaw:
         """The same with another fit of the slips, of which the optional terms are not known yet."""
@@ -135,7 +140,7 @@ class ModelTerm:
 
 @dataclass(frozen=True, kw_only=True)
 class ScoredTerm(ModelTerm):
-    """Optional term of one parameter with a prior mean of zero, to which :mod:`.optional_terms` applies a score test.
+    """Optional term of one parameter with a prior mean of zero, to which :mod:`.model_selection` applies a score test.
 
     Attributes
     ----------

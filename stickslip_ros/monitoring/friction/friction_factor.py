@@ -141,15 +141,14 @@ def friction_factor_of(fitted: FittedLaw, covariance: FloatArray) -> FrictionFac
     growth = fitted.problem.model.term(PositionGrowth)
     if growth is None:
         return None
-    fit, column = fitted.solution.fit, fitted.problem.column["factor"]
-    errors = np.sqrt(np.clip(np.diag(covariance), 0.0, None))
+    share, std = fitted.term_parameter("factor", covariance)
     return FrictionFactor(
         position_disturbance=growth.disturbance,
         decreasing=growth.decreasing,
-        share=float(fit.parameters[column]),
-        std=float(errors[column]),
-        coulomb=float(fit.kinetic[-1]),
-        coulomb_std=float(errors[-1]),
+        share=share,
+        std=std,
+        coulomb=float(fitted.solution.fit.kinetic[-1]),
+        coulomb_std=math.sqrt(max(float(covariance[-1, -1]), 0.0)),
     )
 
 

@@ -24,7 +24,7 @@ from stickslip_ros.monitoring.friction._window_kernel import RISE_TIME, STRIBECK
 from stickslip_ros.monitoring.friction.change import FrictionChange, friction_change
 from stickslip_ros.monitoring.friction.dry_friction import LEAST_OF_A_DIRECTION
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
-from stickslip_ros.monitoring.friction.estimation import best_known
+from stickslip_ros.monitoring.friction.estimation import StudyQuestion, best_known
 from stickslip_ros.monitoring.friction.fitted_law import of_law
 from stickslip_ros.monitoring.friction.friction_factor import KnownFactor
 from stickslip_ros.monitoring.friction.kept_slips import MOST_SLIPS, KeptSlips
@@ -34,7 +34,7 @@ from stickslip_ros.monitoring.friction.slip_problem import SlipProblem
 from stickslip_ros.monitoring.friction.slip_solution import OUTLIER
 from stickslip_ros.monitoring.friction.slip_windows import SlipWindow
 from stickslip_ros.monitoring.samples import FloatArray
-from stickslip_ros.monitoring.study import OUTLIERS_IN_A_ROW, Learnt, StudyQuestion, stribeck_fraction, study
+from stickslip_ros.monitoring.study import OUTLIERS_IN_A_ROW, Learnt, stribeck_fraction, study
 
 _FIRST_STUDY = 4  # slips before the first study, 1
 _LAST_STUDY = 1.2  # slips, of those at the last study, at which one is due where no more come

@@ -73,27 +73,42 @@ class Tolerances:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SlipFit:
-    """A point of a fit, at the end the one where it ended.
+class ScoredFit:
+    """What a fit leaves over, and what it rests on, the slips' own unknowns eliminated; of whatever model.
 
     Attributes
     ----------
-    parameters : logarithms, shape (p,). unknowns : of each slip, shape (slips, 3).
-    kinetic : Coulomb friction, and load where both directions occur; offsets by speed where forces are unknown.
-    residuals : of the observations in standard deviations, shape (m,). misfits : of the balance [N·m], shape (slips,).
-    link_misfits : of the logarithm of the level about Eq. (6), shape (slips,).
-    balance, links : these two in their tolerances. ties : columns of the equations' kernel.
-    cost : sum of squares, robust. velocities : at the nodes. found : of each slip, columns of the windows' kernel.
+    residuals : of the observations in standard deviations, shape (m,).
     information, gradient : of the data on parameters and kinetic together, shapes (p + k, p + k) and (p + k,).
     scores : each slip's share of the gradient, shape (slips, p + k); their scatter shows what the errors assumed hide.
     bias_sensitivity : gradient by a systematic discrepancy of one slip distance in each part of the slips, shape
         (parts, p + k). Information, gradient, scores and this are empty unless the fit is scored.
     """
 
+    residuals: FloatArray
+    information: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    gradient: FloatArray = field(default_factory=lambda: np.empty(0))
+    scores: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    bias_sensitivity: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlipFit(ScoredFit):
+    """A point of a fit, at the end the one where it ended.
+
+    Attributes
+    ----------
+    parameters : logarithms, shape (p,). unknowns : of each slip, shape (slips, 3).
+    kinetic : Coulomb friction, and load where both directions occur; offsets by speed where forces are unknown.
+    misfits : of the balance [N·m], shape (slips,).
+    link_misfits : of the logarithm of the level about Eq. (6), shape (slips,).
+    balance, links : these two in their tolerances. ties : columns of the equations' kernel.
+    cost : sum of squares, robust. velocities : at the nodes. found : of each slip, columns of the windows' kernel.
+    """
+
     parameters: FloatArray
     unknowns: FloatArray
     kinetic: FloatArray
-    residuals: FloatArray
     misfits: FloatArray
     link_misfits: FloatArray
     balance: FloatArray
@@ -102,10 +117,6 @@ class SlipFit:
     cost: float
     velocities: FloatArray
     found: FloatArray
-    information: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
-    gradient: FloatArray = field(default_factory=lambda: np.empty(0))
-    scores: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
-    bias_sensitivity: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
 
 
 @dataclass(frozen=True, kw_only=True)
