@@ -410,6 +410,7 @@ def test_real_recordings_take_the_same_road(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.nightly
 def test_a_recording_of_changing_speed_is_analysed_to_its_end(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -22,6 +22,7 @@ from stickslip_ros.monitoring.uncertainty import stick_slip_probability
 pytestmark = pytest.mark.slow
 
 
+@pytest.mark.nightly
 def test_bristles_that_yield_ever_more_end_no_analysis(puma: Joint) -> None:
     """A LuGre contact, 50 times as stiff as the controller: the errors of a fit were no numbers, and a study raised."""
     gains, rate, resolution = Gains(stiffness=630.0), 1000.0, 2e-5

@@ -2,11 +2,13 @@
 # Copyright 2026 The stickslip_ros developers
 """Nodes forked from a process that has loaded compiled functions, which costs each of them nearly a second of a core.
 
+So is the second process of a monitor, which costs as much again: it waits for the first question beside its node.
 Where the start or the end of a process is the claim, tests use those of :mod:`stickslip_ros.cli.processes`.
 """
 
 from __future__ import annotations
 
+import fcntl
 import gc
 import os
 import pickle
@@ -15,7 +17,9 @@ import signal
 import socket
 import subprocess
 import sys
+from collections.abc import Sequence
 from functools import cache
+from multiprocessing import util
 from pathlib import Path
 from typing import BinaryIO
 
@@ -24,6 +28,8 @@ from stickslip_ros.parent_death import die_with_parent
 
 _LARGEST = 200_000  # size of a request, B: a Unix socket takes no larger message by default
 _NUMBER = 32  # size of a process id or an exit status in text, B
+_SPAWNED = "--multiprocessing-fork"  # the last word of the command of a process that multiprocessing spawns
+_MOST_DESCRIPTORS, _HIGH = 8, 200  # descriptors that such a process is given, 1; a number beyond theirs
 
 
 class NodeProcess(processes.NodeProcess):
@@ -102,11 +108,13 @@ def _serve(requests: socket.socket) -> None:
 def _load() -> None:
     """Load what nodes would load one by one, but for rclpy: its tracing has threads, which a fork would not have."""
     from stickslip_ros.compilation import without_linear_algebra
-    from stickslip_ros.warm_up import is_warm, load_for_node
+    from stickslip_ros.nodes import slow_work  # noqa: F401
+    from stickslip_ros.warm_up import PARTS, is_warm
 
     if is_warm():
         without_linear_algebra()
-        load_for_node()
+        for part in PARTS.values():
+            part.use()
     assert len(os.listdir("/proc/self/task")) == 1
     gc.collect()
     gc.freeze()
@@ -135,11 +143,52 @@ def _keep(asked: int, log: int, command: list[str], folder: Path, environment: d
     if command[1] == "-m":
         signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
         sys.argv = command[2:]
+        if sys.argv[1] == "monitor":
+            _fork_second()
         runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)
     else:
         sys.argv = command[1:]
         sys.path.insert(0, str(Path(sys.argv[0]).parent))
         runpy.run_path(sys.argv[0], run_name="__main__")
+
+
+def _fork_second() -> None:
+    """Fork the process for slow work, while the node has no threads; it is the first that multiprocessing spawns."""
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    second = os.fork()
+    if not second:
+        ours.close()
+        return _become_second(theirs)
+    theirs.close()
+    spawn = util.spawnv_passfds
+
+    def take(path: bytes, arguments: Sequence[str], descriptors: Sequence[int]) -> int:
+        if arguments[-1] != _SPAWNED or ours.fileno() == -1:
+            return spawn(path, arguments, descriptors)
+        with ours:
+            socket.send_fds(ours, [pickle.dumps((arguments, descriptors))], descriptors)
+        return second
+
+    util.spawnv_passfds = take
+    return None
+
+
+def _become_second(request: socket.socket) -> None:
+    """Wait for what multiprocessing would have spawned, and do it; end if the node ends before."""
+    die_with_parent()
+    with request:
+        words, received, *_ = socket.recv_fds(request, _LARGEST, _MOST_DESCRIPTORS)
+    if not words:
+        os._exit(0)
+    arguments, numbers = pickle.loads(words)
+    moved = [fcntl.fcntl(one, fcntl.F_DUPFD, _HIGH) for one in received]
+    for one in received:
+        os.close(one)
+    for one, number in zip(moved, numbers, strict=True):
+        os.dup2(one, number)
+        os.close(one)
+    sys.argv = arguments[-2:]
+    exec(arguments[-2], {"__name__": "__main__"})
 
 
 if __name__ == "__main__":
