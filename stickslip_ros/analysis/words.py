@@ -82,6 +82,7 @@ def finding(joint: JointAnalysis) -> str:
         text += (
             f"; for {share} of its moving time{f',{speed},' if speed else ''} its speed fell below a fifth of its mean"
         )
+        text += ", or again and again below 70 %"
     text += _unseen([joint]) if joint.status is Status.SMOOTH and joint.worst is Status.SMOOTH else ""
     return f"{text}.{_in_the_end(joint)}{_stuck(joint)}{_caveat(joint)}"
 
