@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import ast
 import functools
+import gc
 import importlib.util
 import itertools
 import os
@@ -136,6 +137,12 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         items[:] = [item for item in items if item.get_closest_marker("nightly") is None]
     if config.getoption("--quick"):
         items[:] = [item for item in items if not DOMAINS & set(item.fixturenames) and not _is_slow(item)]  # type: ignore[attr-defined]
+
+
+def pytest_collection_finish() -> None:
+    """Let the garbage collector pass over what thousands of tests and all modules are made of, which stays."""
+    gc.collect()
+    gc.freeze()
 
 
 def nightly(*values: object) -> Any:
