@@ -28,7 +28,7 @@ from stickslip_ros.bags.table_columns import (
     factor_of,
     hint,
 )
-from stickslip_ros.bags.table_files import SUFFIXES, TableFile, open_table
+from stickslip_ros.bags.table_files import SUFFIXES, TableFile, is_text, open_table
 from stickslip_ros.errors import StickSlipError, optional_packages, reason
 from stickslip_ros.model.bounds import LARGEST
 from stickslip_ros.monitoring.samples import Batch, FloatArray
@@ -97,8 +97,10 @@ def find_recording(name_or_path: str) -> Path:
     if is_data_set(path):
         raise RecordingError(f"recording {path}: {name_an_episode(path)}")
     if path.is_file():
+        if is_text(path):
+            return path
         raise RecordingError(
-            f"recording {path}: must end in {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}; a spreadsheet is saved as CSV"
+            f"recording {path}: must be text, or end in .parquet or .npz; a spreadsheet is saved as CSV"
         )
     folders = [config_folder().parent / "examples" / "recordings"]
     if environ.get(FOLDER_VARIABLE):

@@ -77,6 +77,15 @@ class TableFile:
         raise NotImplementedError
 
 
+def is_text(path: Path) -> bool:
+    """Whether a file may be a table of text, whatever its name ends in; one that cannot be opened may."""
+    try:
+        with open_regular(path) as file:
+            return b"\x00" not in file.read(_LOOKED_AT)
+    except OSError:
+        return True
+
+
 @contextmanager
 def open_table(path: Path, limit: UnpackLimit) -> Iterator[TableFile]:
     """Open a table; text unless its name ends in .npz or .parquet.
@@ -127,15 +136,14 @@ class _Text(TableFile):
         texts = [text for text in texts if text.strip()]
         self._delimiter = _delimiter_of(header, texts)
         self._columns = _cells_of(header, self._delimiter)
-        named = _columns_of_an_echo(self._columns)
+        numbered = _numbered(self._columns)
+        named = _columns_of_an_echo(self._columns) or numbered
         if named:
-            # The message's own layout stands for the line of names that is not there.
+            # The message's own layout, or numbers, stand for the line of names that is not there.
             self._columns, texts, self._skipped = named, [header, *texts], self._skipped - 1
         if not texts:
             raise ValueError("it has no rows under its line of names")
         self.names = tuple(dict.fromkeys(filter(None, self._columns)))
-        if all(map(_is_number, self.names)):
-            raise ValueError(f"line {self._skipped + 1}: must name the columns; it has numbers: {header.strip()[:60]}")
         rows = [_cells_of(text, self._delimiter) for text in texts]
         values = [cell for row in rows for cell in row]
         commas = self._delimiter != "," and any(_DECIMAL_COMMA.fullmatch(cell) for cell in values)
@@ -143,6 +151,8 @@ class _Text(TableFile):
         namesakes = [name for name, count in Counter(self._columns).items() if name and count > 1]
         if namesakes:
             self.notes = (f"of columns of the same name only the first one is read: {', '.join(namesakes)}",)
+        if numbered:
+            self.notes = ("its columns have no names, and are numbered",)
         firsts = dict(zip(self._columns, rows[0], strict=False))
         self.joints = {
             found[1]: cell for name, cell in firsts.items() if (found := _NAME_OF_A_JOINT.search(name)) and cell
@@ -415,6 +425,13 @@ def _columns_of_an_echo(cells: Sequence[str]) -> list[str]:
         return []
     fields = ("name", *_ECHOED_FIELDS[:kinds])
     return [*_ECHOED, *(f"{field}[{number}]" for field in fields for number in range(count))]
+
+
+def _numbered(cells: Sequence[str]) -> list[str]:
+    """Names for the columns of a table that begins with numbers, for --column; [] if it begins with names."""
+    if not all(map(_is_number, filter(None, cells))):
+        return []
+    return [f"column{number}" if cell else "" for number, cell in enumerate(cells, start=1)]
 
 
 def _delimiter_of(header: str, rows: Sequence[str]) -> str:

@@ -52,7 +52,7 @@ _MORE_THAN_A_TURN = 7.0  # [rad] that few joints span; more is asked about where
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     parser.add_argument(
-        "recording", metavar="RECORDING", help="a .csv, .tsv, .txt, .parquet or .npz file, or a known recording"
+        "recording", metavar="RECORDING", help="a table as text, .parquet or .npz file, or a known recording"
     )
     add_bag_output(parser)
     parser.add_argument(

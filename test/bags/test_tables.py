@@ -261,9 +261,9 @@ def test_tables_in_an_archive_have_the_joints_names(tmp_path: Path) -> None:
         ("# by me\ntime_s;q1\n0;1,5\n0,1;1,5\n0,2;1.5 rad\n", "line 5, column 'q1': must be a number: '1.5 rad'"),
         ("time_s,q1\n0,1\n0.1,1,3\n", "line 3: must have the header's 2 values: it has 3"),
         ("time,q1\n2026-01-31 12:00:00,1\nyesterday,1\n", "line 3, column 'time': must be a date like"),
-        ("0.0,1.0\n0.1,1.0\n", "line 1: must name the columns; it has numbers: 0.0,1.0"),
-        ("0.0,1.0,\n0.1,1.0,\n", "line 1: must name the columns; it has numbers: 0.0,1.0"),
-        ("//started anew\n0.0,1.0,3\n0.1,1.0,3\n", "line 2: must name the columns; it has numbers: 0.0,1.0,3"),
+        ("0.0,1.0\n0.1,1.0\n", "or one named with --column; has column1, column2"),
+        ("0.0,1.0,\n0.1,1.0,\n", "or one named with --column; has column1, column2"),
+        ("//started anew\n0.0,1.0,3\n0.1,x,3\n", "or one named with --column; has column1, column2, column3"),
         ("time_s,q1\n", "it has no rows under its line of names"),
         ("", "the file is empty"),
         ("time_s,tau1\n0,1\n", "needs a column position_rad or position_deg"),
@@ -277,6 +277,27 @@ def test_what_cannot_be_read_is_named(text: str, said: str, tmp_path: Path, caps
     assert main(["convert", str(tmp_path / "a.csv"), "--out", str(tmp_path / "a.mcap")]) == 2
     assert said in capsys.readouterr().err
     assert not (tmp_path / "a.mcap").exists()
+
+
+@pytest.mark.parametrize("name", ["a.txt", "a.dat", "A.CSV"])
+def test_columns_without_names_are_numbered(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Many laboratories write numbers alone, into files of any ending: they were refused."""
+    rows = [f"{time:.9g} {place:.9g} {0.5 * place:.9g}\n" for time, place in zip(TIMES, POSITIONS[:, 0], strict=True)]
+    (tmp_path / name).write_text("".join(rows))
+    named = ("time=column1:s", "position=column2:deg", "reference_position=column3:deg")
+    options = [word for one in named for word in ("--column", one)]
+    assert main(["convert", str(tmp_path / name), "--out", str(tmp_path / "a.mcap"), *options]) == 0
+    assert "its columns have no names, and are numbered" in " ".join(capsys.readouterr().err.split())
+    batch = read_joint(tmp_path / "a.mcap", "joint1")
+    np.testing.assert_allclose(batch.position, np.radians(POSITIONS[:, 0]), rtol=1e-6)
+    np.testing.assert_allclose(batch.reference_position, np.radians(0.5 * POSITIONS[:, 0]), rtol=1e-6)
+
+
+def test_what_is_no_text_is_no_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A spreadsheet, say."""
+    (tmp_path / "a.xlsx").write_bytes(b"PK\x03\x04\x00\x00")
+    assert main(["convert", str(tmp_path / "a.xlsx"), "--out", str(tmp_path / "a.mcap")]) == 2
+    assert "must be text, or end in .parquet or .npz; a spreadsheet is saved as CSV" in capsys.readouterr().err
 
 
 def test_first_stamps_that_no_row_could_have(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
