@@ -39,7 +39,6 @@ _DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
 _DAY = re.compile(r"\d{4}-\d\d-\d\d")
 _CLOCK = re.compile(r"\d\d:\d\d(:\d\d(\.\d{1,9})?)?")
 _LONGEST_PREAMBLE = 100  # lines
-_MISSING = ("nan", "null", "n/a", "na", "none")  # words for a value that is not there
 _ECHOED = ("header.stamp.sec", "header.stamp.nanosec", "header.frame_id")
 _ECHOED_FIELDS = ("position", "velocity", "effort")
 
@@ -429,13 +428,10 @@ def _columns_of_an_echo(cells: Sequence[str]) -> list[str]:
 
 
 def _numbered(cells: Sequence[str]) -> list[str]:
-    """Names for the columns of a table that begins with values, for --column; [] if it begins with names."""
-    values = [cell for cell in cells if cell and cell.lower() not in _MISSING]
-    texts = [cell for cell in values if not _is_number(cell)]
-    dated = all(any(form.match(text) for form in (_DATE, _DAY, _CLOCK)) for text in texts)
-    if len(texts) == len(values) or not dated:
+    """Names for the columns of a table that begins with numbers, for --column; [] if it begins with names."""
+    if not all(map(_is_number, filter(None, cells))):
         return []
-    return [f"column{number}" for number in range(1, len(cells) + 1)]
+    return [f"column{number}" if cell else "" for number, cell in enumerate(cells, start=1)]
 
 
 def _delimiter_of(header: str, rows: Sequence[str]) -> str:

@@ -293,24 +293,6 @@ def test_columns_without_names_are_numbered(name: str, tmp_path: Path, capsys: p
     np.testing.assert_allclose(batch.reference_position, np.radians(0.5 * POSITIONS[:, 0]), rtol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("first", "columns"),
-    [
-        ("2026-01-31 12:00:00.000,0.1,0.2", "time=column1 position=column2 velocity=column3"),
-        ("0.0,,0.1,0.2,", "time=column1 position=column3 velocity=column4"),
-        ("0.0,0.1,N/A", "time=column1 position=column2 velocity=column3"),
-        ("0.0,NaN,0.1", "time=column1 position=column3 velocity=column2"),
-    ],
-)
-def test_a_first_row_is_no_line_of_names(first: str, columns: str, tmp_path: Path) -> None:
-    """Dates, and words for what is missing, were taken for names; a column that began empty was not there."""
-    (tmp_path / "a.csv").write_text(2 * f"{first}\n")
-    named = [Named(field=field, column=column) for field, column in (one.split("=") for one in columns.split())]
-    table = load_table(tmp_path / "a.csv", named)
-    assert len(table.batches["joint1"]) == 2
-    assert table.notes == ("its columns have no names, and are numbered",)
-
-
 def test_what_is_no_text_is_no_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A spreadsheet, say."""
     (tmp_path / "a.xlsx").write_bytes(b"PK\x03\x04\x00\x00")
