@@ -77,15 +77,6 @@ class TableFile:
         raise NotImplementedError
 
 
-def is_text(path: Path) -> bool:
-    """Whether a file may be a table of text, whatever its name ends in; one that cannot be opened may."""
-    try:
-        with open_regular(path) as file:
-            return b"\x00" not in file.read(_LOOKED_AT)
-    except OSError:
-        return True
-
-
 @contextmanager
 def open_table(path: Path, limit: UnpackLimit) -> Iterator[TableFile]:
     """Open a table; text unless its name ends in .npz or .parquet.
@@ -126,6 +117,12 @@ class _Text(TableFile):
         self._arrow = _pyarrow()
         self._file = file
         begin = file.read(_LOOKED_AT)
+        # A log whose computer lost its power may end in zeros; of these the line is named.
+        if b"\x00" in begin.rstrip(b"\x00"):
+            raise ValueError(
+                "must be text in UTF-8 (not UTF-16), .parquet or .npz; a spreadsheet is saved as CSV, "
+                "a bag analysed as it is"
+            )
         lines = begin.splitlines(keepends=True)
         self._skipped, header = _header_of(lines)
         self._above = 0
@@ -136,7 +133,7 @@ class _Text(TableFile):
         texts = [text for text in texts if text.strip()]
         self._delimiter = _delimiter_of(header, texts)
         self._columns = _cells_of(header, self._delimiter)
-        numbered = _numbered(self._columns)
+        numbered = _numbered(self._columns, self._arrow.csv.ConvertOptions().null_values)
         named = _columns_of_an_echo(self._columns) or numbered
         if named:
             # The message's own layout, or numbers, stand for the line of names that is not there.
@@ -370,7 +367,8 @@ def _header_of(lines: Sequence[bytes]) -> tuple[int, str]:
         try:
             text = line.decode("utf-8-sig" if number == 0 else "utf-8").strip("\r\n")
         except UnicodeDecodeError as error:
-            raise ValueError(f"line {number + 1}: must be text in UTF-8: {error.reason}") from error
+            byte = error.object[error.start]
+            raise ValueError(f"line {number + 1}: must be text in UTF-8: it has the byte 0x{byte:02x}") from error
         if not text.strip():
             continue
         if found := _COMMENT.match(text):
@@ -378,7 +376,7 @@ def _header_of(lines: Sequence[bytes]) -> tuple[int, str]:
             continue
         begins = re.split(r"[;,\t| ]+", text.strip())[0]
         return (
-            comment if comment is not None and _is_number(begins) and _same_width(comment[1], text) else (number, text)
+            comment if comment is not None and _is_value(begins) and _same_width(comment[1], text) else (number, text)
         )
     raise ValueError("the file is empty" if not lines else "it has no line that names the columns")
 
@@ -427,11 +425,14 @@ def _columns_of_an_echo(cells: Sequence[str]) -> list[str]:
     return [*_ECHOED, *(f"{field}[{number}]" for field in fields for number in range(count))]
 
 
-def _numbered(cells: Sequence[str]) -> list[str]:
-    """Names for the columns of a table that begins with numbers, for --column; [] if it begins with names."""
-    if not all(map(_is_number, filter(None, cells))):
+def _numbered(cells: Sequence[str], missing: Sequence[str]) -> list[str]:
+    """Names for the columns of a table that begins with values, some of them missing, for --column; [] if it begins
+    with names.
+    """
+    values = [cell for cell in cells if cell not in missing]
+    if not values or not all(map(_is_value, values)):
         return []
-    return [f"column{number}" if cell else "" for number, cell in enumerate(cells, start=1)]
+    return [f"column{number}" for number in range(1, len(cells) + 1)]
 
 
 def _delimiter_of(header: str, rows: Sequence[str]) -> str:
