@@ -126,7 +126,7 @@ class _Text(TableFile):
         lines = begin.splitlines(keepends=True)
         self._skipped, header = _header_of(lines)
         self._above = 0
-        below = _below_a_preamble(lines, self._skipped)
+        below = _below_a_preamble(lines, self._skipped, header)
         if below is not None:
             self._above, (self._skipped, header) = below[0] - self._skipped, below
         texts = [line.decode("utf-8", "replace") for line in lines[self._skipped + 1 :]][:_ROWS_LOOKED_AT]
@@ -386,13 +386,14 @@ def _same_width(names: str, values: str) -> bool:
     return any(len(_cells_of(names, one)) == len(_cells_of(values, one)) > 1 for one in (*_DELIMITERS, " "))
 
 
-def _below_a_preamble(lines: Sequence[bytes], first: int) -> tuple[int, str] | None:
-    """The line of names, and its number, where others stand above it: as many names as there are values below, while
-    the first line has another number of them. None if there are no such lines.
+def _below_a_preamble(lines: Sequence[bytes], first: int, header: str) -> tuple[int, str] | None:
+    """The line of names, or the first of values, and its number, where others stand above it: as many as there are
+    values below, while the header, which is the first line, has another number. None if there are no such lines.
     """
     # The last line may be cut off.
     texts = {number: line.decode("utf-8", "replace").strip("\r\n") for number, line in enumerate(lines[:-1])}
     texts = {number: text for number, text in texts.items() if number >= first and text.strip()}
+    texts |= {first: header} if first in texts else {}
     numbers = list(texts)[: _LONGEST_PREAMBLE + 1]
     for delimiter in (*_DELIMITERS, " "):
         # Spreadsheets fill every line with empty cells.
@@ -402,8 +403,9 @@ def _below_a_preamble(lines: Sequence[bytes], first: int) -> tuple[int, str] | N
         for number, after in pairwise(numbers):
             values = _cells_of(texts[after], delimiter)
             if counts[number] == counts[after] == counts[numbers[-1]] and _is_value(values[0]):
-                names = _cells_of(texts[number], delimiter)
-                return None if any(map(_is_value, names)) else (number, texts[number])
+                # Where all of them are values, there are no names.
+                names = set(map(_is_value, _cells_of(texts[number], delimiter)))
+                return (number, texts[number]) if len(names) == 1 else None
     return None
 
 
@@ -429,10 +431,8 @@ def _numbered(cells: Sequence[str], missing: Sequence[str]) -> list[str]:
     """Names for the columns of a table that begins with values, some of them missing, for --column; [] if it begins
     with names.
     """
-    values = [cell for cell in cells if cell not in missing]
-    if not values or not all(map(_is_value, values)):
-        return []
-    return [f"column{number}" for number in range(1, len(cells) + 1)]
+    begins_with_values = all(cell in missing or _is_value(cell) for cell in cells)
+    return [f"column{number}" for number in range(1, len(cells) + 1)] if begins_with_values else []
 
 
 def _delimiter_of(header: str, rows: Sequence[str]) -> str:

@@ -307,15 +307,28 @@ def test_columns_without_names_are_numbered(name: str, tmp_path: Path, capsys: p
         (",0.1,0.2", "time=column1 position=column2 velocity=column3"),
         ("0.0,0.1,N/A", "time=column1 position=column2 velocity=column3"),
         ("0.0,NaN,null", "time=column1 position=column2 velocity=column3"),
+        ("NaN,NaN,NaN", "time=column1 position=column2 velocity=column3"),
+        (",,", "time=column1 position=column2 velocity=column3"),
     ],
 )
 def test_a_first_row_is_no_line_of_names(first: str, columns: str, tmp_path: Path) -> None:
     """Dates, and words for what is missing, were taken for names; a column that began empty was not there."""
-    (tmp_path / "a.csv").write_text("# of a rig\n" + 2 * f"{first}\n")
+    (tmp_path / "a.csv").write_text(f"# of a rig\n{first}\n{first}\n")
     named = [Named(field=field, column=column) for field, column in (one.split("=") for one in columns.split())]
     table = load_table(tmp_path / "a.csv", named)
     assert len(table.batches["joint1"]) == 2
     assert table.notes == ("its columns have no names, and are numbered",)
+
+
+@pytest.mark.parametrize("above", ["Logger 3.1\n", "Logger\n\nRate: 10 Hz\n", "0.5\n"])
+def test_lines_above_values_without_names(above: str, tmp_path: Path) -> None:
+    """They were taken for the names."""
+    rows = "".join(f"{time:.3f},{place:.9f}\n" for time, place in zip(TIMES, POSITIONS[:, 0], strict=True))
+    (tmp_path / "a.dat").write_text(above + rows)
+    named = [Named(field="time", column="column1"), Named(field=POSITION, column="column2")]
+    table = load_table(tmp_path / "a.dat", named)
+    np.testing.assert_allclose(table.batches["joint1"].position, POSITIONS[:, 0], atol=1e-8)
+    assert f"below {above.count(chr(10))} other lines" in table.form
 
 
 def test_names_in_a_comment_above_dates(tmp_path: Path) -> None:
