@@ -4,13 +4,13 @@
 
 The bag gets every joint of the table. Columns are recognised by their names, such as timestamp, q1, shoulder_pos,
 position[0], /joint_states/elbow/velocity, target_q_3, torque_nm, "Speed [deg/s]". Other columns can be named, with
-their unit: --column 'position=q*:deg', where * stands for the joint. The columns used are shown before anything is
-written. Time stamps are kept as they are.
+their unit: --column 'position=q*:deg', where * stands for the joint. In a table without a line of names they are
+column1, column2 and so on: --column time=column1:s --column position=column2:deg. The columns used are shown before
+anything is written. Time stamps are kept as they are.
 
 Examples:
     stickslip convert log.csv --out robot.mcap
     stickslip convert log.csv --out robot.mcap --column 'position=q*:deg' --stiffness 630
-    stickslip convert rig.dat --out rig.mcap --column time=column1:s --column position=column2:deg   # without names
 """
 
 from __future__ import annotations
