@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import environ
 from pathlib import Path
+from shlex import quote
 
 import numpy as np
 
@@ -28,7 +29,7 @@ from stickslip_ros.bags.table_columns import (
     factor_of,
     hint,
 )
-from stickslip_ros.bags.table_files import SUFFIXES, TableFile, is_text, open_table
+from stickslip_ros.bags.table_files import SUFFIXES, TableFile, open_table
 from stickslip_ros.errors import StickSlipError, optional_packages, reason
 from stickslip_ros.model.bounds import LARGEST
 from stickslip_ros.monitoring.samples import Batch, FloatArray
@@ -92,16 +93,10 @@ def find_recording(name_or_path: str) -> Path:
         If there is none, or more than one; the message lists those that are there.
     """
     path = Path(name_or_path)
-    if path.suffix in SUFFIXES or episode_of(path) is not None:
+    if path.suffix in SUFFIXES or episode_of(path) is not None or (path.exists() and not path.is_dir()):
         return path
     if is_data_set(path):
         raise RecordingError(f"recording {path}: {name_an_episode(path)}")
-    if path.is_file():
-        if is_text(path):
-            return path
-        raise RecordingError(
-            f"recording {path}: must be text, or end in .parquet or .npz; a spreadsheet is saved as CSV"
-        )
     folders = [config_folder().parent / "examples" / "recordings"]
     if environ.get(FOLDER_VARIABLE):
         folders.append(Path(environ[FOLDER_VARIABLE]))
@@ -112,7 +107,7 @@ def find_recording(name_or_path: str) -> Path:
     if len(found) == 1:
         return found[0]
     names = ", ".join(file.stem for file in (found or there)) or "none"
-    problem = f"{len(found)} recordings begin with" if found else "no recording begins with"
+    problem = f"{len(found)} recordings begin with" if found else "no file has this path, and no recording begins with"
     raise RecordingError(
         f"{problem} {name_or_path!r}: {names} (searched: {', '.join(map(str, folders))}; "
         f"set {FOLDER_VARIABLE} to add a folder)"
@@ -160,7 +155,7 @@ def load_recording(path: Path, joint: str | None = None, limit: UnpackLimit | No
         problem += did_you_mean(nearest_joint(joint or "", names))
         raise RecordingError(
             f"recording {path}: has {problem}; there are {', '.join(names)}; all of them become a bag by "
-            f"stickslip convert {path} --out {path.stem}.mcap"
+            f"stickslip convert {quote(str(path))} --out {quote(f'{path.stem}.mcap')}"
         )
     chosen = names[0] if len(names) == 1 else str(joint)
     return Recording(name=table.name, unit=table.unit(chosen), batch=table.batches[chosen])

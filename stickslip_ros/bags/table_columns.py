@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
@@ -299,6 +300,10 @@ def assign(
     fields = {one.field for one in named}
     known = _named_columns(names, layout)
     by_user = _named_columns(names, named, {column.name: column.joint for _, column in known})
+    for name, count in Counter(column.name for _, column in by_user).items():
+        if count > 1:
+            meant = " and ".join(column.field for _, column in by_user if column.name == name)
+            raise ValueError(f"column {name!r} must be named once: it is for {meant}")
     own = [column for one, column in known if one.field not in fields]
     fields |= {column.field for column in own}
     taken = {column.name for _, column in by_user} | {column.name for column in own}
@@ -324,8 +329,9 @@ def assign(
     for field, there in ((TIME, times), (POSITION, joints)):
         if not there:
             wanted = " or ".join(f"{field}_{unit}" for unit in UNITS[field])
+            option = f"one named with stickslip convert --column {field}=COLUMN"
             every = "; if every other column is a joint's position: --column 'position=*'" if field == POSITION else ""
-            raise ValueError(f"needs a column {wanted}, or one named with --column; has {_listed(names)}{every}")
+            raise ValueError(f"needs a column {wanted}, or {option}; has {_listed(names)}{every}")
     time = _parts_of_time(times, days, clocks)
     used = {one.name for one in time} | {one.name for found in joints.values() for one in found.values()}
     for wish in named:

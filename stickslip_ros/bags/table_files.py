@@ -77,15 +77,6 @@ class TableFile:
         raise NotImplementedError
 
 
-def is_text(path: Path) -> bool:
-    """Whether a file may be a table of text, whatever its name ends in; one that cannot be opened may."""
-    try:
-        with open_regular(path) as file:
-            return b"\x00" not in file.read(_LOOKED_AT)
-    except OSError:
-        return True
-
-
 @contextmanager
 def open_table(path: Path, limit: UnpackLimit) -> Iterator[TableFile]:
     """Open a table; text unless its name ends in .npz or .parquet.
@@ -126,17 +117,23 @@ class _Text(TableFile):
         self._arrow = _pyarrow()
         self._file = file
         begin = file.read(_LOOKED_AT)
+        # A log whose computer lost its power may end in zeros; of these the line is named.
+        if b"\x00" in begin.rstrip(b"\x00"):
+            raise ValueError(
+                "must be text in UTF-8 (not UTF-16), .parquet or .npz; a spreadsheet is saved as CSV, "
+                "a bag analysed as it is"
+            )
         lines = begin.splitlines(keepends=True)
         self._skipped, header = _header_of(lines)
         self._above = 0
-        below = _below_a_preamble(lines, self._skipped)
+        below = _below_a_preamble(lines, self._skipped, header)
         if below is not None:
             self._above, (self._skipped, header) = below[0] - self._skipped, below
         texts = [line.decode("utf-8", "replace") for line in lines[self._skipped + 1 :]][:_ROWS_LOOKED_AT]
         texts = [text for text in texts if text.strip()]
         self._delimiter = _delimiter_of(header, texts)
         self._columns = _cells_of(header, self._delimiter)
-        numbered = _numbered(self._columns)
+        numbered = _numbered(self._columns, self._arrow.csv.ConvertOptions().null_values)
         named = _columns_of_an_echo(self._columns) or numbered
         if named:
             # The message's own layout, or numbers, stand for the line of names that is not there.
@@ -370,7 +367,8 @@ def _header_of(lines: Sequence[bytes]) -> tuple[int, str]:
         try:
             text = line.decode("utf-8-sig" if number == 0 else "utf-8").strip("\r\n")
         except UnicodeDecodeError as error:
-            raise ValueError(f"line {number + 1}: must be text in UTF-8: {error.reason}") from error
+            byte = error.object[error.start]
+            raise ValueError(f"line {number + 1}: must be text in UTF-8: it has the byte 0x{byte:02x}") from error
         if not text.strip():
             continue
         if found := _COMMENT.match(text):
@@ -378,7 +376,7 @@ def _header_of(lines: Sequence[bytes]) -> tuple[int, str]:
             continue
         begins = re.split(r"[;,\t| ]+", text.strip())[0]
         return (
-            comment if comment is not None and _is_number(begins) and _same_width(comment[1], text) else (number, text)
+            comment if comment is not None and _is_value(begins) and _same_width(comment[1], text) else (number, text)
         )
     raise ValueError("the file is empty" if not lines else "it has no line that names the columns")
 
@@ -388,13 +386,14 @@ def _same_width(names: str, values: str) -> bool:
     return any(len(_cells_of(names, one)) == len(_cells_of(values, one)) > 1 for one in (*_DELIMITERS, " "))
 
 
-def _below_a_preamble(lines: Sequence[bytes], first: int) -> tuple[int, str] | None:
-    """The line of names, and its number, where others stand above it: as many names as there are values below, while
-    the first line has another number of them. None if there are no such lines.
+def _below_a_preamble(lines: Sequence[bytes], first: int, header: str) -> tuple[int, str] | None:
+    """The line of names, or the first of values, and its number, where others stand above it: as many as there are
+    values below, while the header, which is the first line, has another number. None if there are no such lines.
     """
     # The last line may be cut off.
     texts = {number: line.decode("utf-8", "replace").strip("\r\n") for number, line in enumerate(lines[:-1])}
     texts = {number: text for number, text in texts.items() if number >= first and text.strip()}
+    texts |= {first: header} if first in texts else {}
     numbers = list(texts)[: _LONGEST_PREAMBLE + 1]
     for delimiter in (*_DELIMITERS, " "):
         # Spreadsheets fill every line with empty cells.
@@ -404,8 +403,9 @@ def _below_a_preamble(lines: Sequence[bytes], first: int) -> tuple[int, str] | N
         for number, after in pairwise(numbers):
             values = _cells_of(texts[after], delimiter)
             if counts[number] == counts[after] == counts[numbers[-1]] and _is_value(values[0]):
-                names = _cells_of(texts[number], delimiter)
-                return None if any(map(_is_value, names)) else (number, texts[number])
+                # Where all of them are values, there are no names.
+                names = set(map(_is_value, _cells_of(texts[number], delimiter)))
+                return (number, texts[number]) if len(names) == 1 else None
     return None
 
 
@@ -427,11 +427,12 @@ def _columns_of_an_echo(cells: Sequence[str]) -> list[str]:
     return [*_ECHOED, *(f"{field}[{number}]" for field in fields for number in range(count))]
 
 
-def _numbered(cells: Sequence[str]) -> list[str]:
-    """Names for the columns of a table that begins with numbers, for --column; [] if it begins with names."""
-    if not all(map(_is_number, filter(None, cells))):
-        return []
-    return [f"column{number}" if cell else "" for number, cell in enumerate(cells, start=1)]
+def _numbered(cells: Sequence[str], missing: Sequence[str]) -> list[str]:
+    """Names for the columns of a table that begins with values, some of them missing, for --column; [] if it begins
+    with names.
+    """
+    begins_with_values = all(cell in missing or _is_value(cell) for cell in cells)
+    return [f"column{number}" for number in range(1, len(cells) + 1)] if begins_with_values else []
 
 
 def _delimiter_of(header: str, rows: Sequence[str]) -> str:

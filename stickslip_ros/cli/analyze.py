@@ -122,7 +122,8 @@ def run(options: argparse.Namespace) -> int:
     options.alarm = [parse_alarm(text) for text in options.alarm]
     bags = find_bags(options.bags)
     if not bags:
-        raise RecordingError(f"no bags in {', '.join(map(str, options.bags))}")
+        folders = ", ".join(map(str, options.bags))
+        raise RecordingError(f"no bags in {folders}; a table becomes one by stickslip convert")
     refuse_inputs({f"--{name}": getattr(options, name) for name in ("csv", "html", "out", "table")}, bags)
     alone = len(bags) == 1 and options.scheduler is None and options.results is None
     if not alone:

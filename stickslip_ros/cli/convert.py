@@ -4,8 +4,9 @@
 
 The bag gets every joint of the table. Columns are recognised by their names, such as timestamp, q1, shoulder_pos,
 position[0], /joint_states/elbow/velocity, target_q_3, torque_nm, "Speed [deg/s]". Other columns can be named, with
-their unit: --column 'position=q*:deg', where * stands for the joint. The columns used are shown before anything is
-written. Time stamps are kept as they are.
+their unit: --column 'position=q*:deg', where * stands for the joint. In a table without a line of names they are
+column1, column2 and so on: --column time=column1:s --column position=column2:deg. The columns used are shown before
+anything is written. Time stamps are kept as they are.
 
 Examples:
     stickslip convert log.csv --out robot.mcap
@@ -17,6 +18,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Sequence
+from shlex import quote
 
 import numpy as np
 from rich.console import Console
@@ -52,7 +54,9 @@ _MORE_THAN_A_TURN = 7.0  # [rad] that few joints span; more is asked about where
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     parser.add_argument(
-        "recording", metavar="RECORDING", help="a table as text, .parquet or .npz file, or a known recording"
+        "recording",
+        metavar="RECORDING",
+        help="a table: text of any ending, .parquet or .npz; or the beginning of a known recording's name",
     )
     add_bag_output(parser)
     parser.add_argument(
@@ -91,7 +95,8 @@ def run(options: argparse.Namespace) -> int:
     batches = dict(zip(names, table.batches.values(), strict=True))
     in_metres = _in_metres(table, names)
     count = write_recording(options.out, batches, start, gains, options.compression, prismatic=in_metres)
-    console.print(f"{options.out}: {count} samples of {', '.join(names)}; now: stickslip analyze {options.out}")
+    now = f"stickslip analyze {quote(str(options.out))}"
+    console.print(f"{options.out}: {count} samples of {', '.join(names)}; now: {now}")
     left = len(next(iter(batches.values()))) - count
     if left:
         print_warning(console, f"{left} rows have no time, or none that a stamp can be, and were left out")

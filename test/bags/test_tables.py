@@ -18,7 +18,7 @@ from support_bags import read_joint
 
 from stickslip_ros.bags.storage.unpacking import UnpackLimit
 from stickslip_ros.bags.table import RecordingError, load_recording, load_table
-from stickslip_ros.bags.table_columns import Named, assign, meaning
+from stickslip_ros.bags.table_columns import POSITION, Named, assign, meaning
 from stickslip_ros.cli.main import main
 
 TIMES = 5.0 + 0.004 * np.arange(40)
@@ -261,9 +261,13 @@ def test_tables_in_an_archive_have_the_joints_names(tmp_path: Path) -> None:
         ("# by me\ntime_s;q1\n0;1,5\n0,1;1,5\n0,2;1.5 rad\n", "line 5, column 'q1': must be a number: '1.5 rad'"),
         ("time_s,q1\n0,1\n0.1,1,3\n", "line 3: must have the header's 2 values: it has 3"),
         ("time,q1\n2026-01-31 12:00:00,1\nyesterday,1\n", "line 3, column 'time': must be a date like"),
-        ("0.0,1.0\n0.1,1.0\n", "or one named with --column; has column1, column2"),
-        ("0.0,1.0,\n0.1,1.0,\n", "or one named with --column; has column1, column2"),
-        ("//started anew\n0.0,1.0,3\n0.1,x,3\n", "or one named with --column; has column1, column2, column3"),
+        ("0.0,1.0\n0.1,1.0\n", "or one named with stickslip convert --column time=COLUMN; has column1, column2"),
+        ("0.0,1.0,\n0.1,1.0,\n", "or one named with stickslip convert --column time=COLUMN; has column1, column2"),
+        (
+            "//started anew\n0.0,1.0,3\n0.1,x,3\n",
+            "or one named with stickslip convert --column time=COLUMN; has column1, column2, column3",
+        ),
+        ("time_s,q1\n0,1\n\0\0\0", "line 3: must have the header's 2 values: it has 1"),
         ("time_s,q1\n", "it has no rows under its line of names"),
         ("", "the file is empty"),
         ("time_s,tau1\n0,1\n", "needs a column position_rad or position_deg"),
@@ -293,11 +297,75 @@ def test_columns_without_names_are_numbered(name: str, tmp_path: Path, capsys: p
     np.testing.assert_allclose(batch.reference_position, np.radians(0.5 * POSITIONS[:, 0]), rtol=1e-6)
 
 
-def test_what_is_no_text_is_no_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A spreadsheet, say."""
-    (tmp_path / "a.xlsx").write_bytes(b"PK\x03\x04\x00\x00")
-    assert main(["convert", str(tmp_path / "a.xlsx"), "--out", str(tmp_path / "a.mcap")]) == 2
-    assert "must be text, or end in .parquet or .npz; a spreadsheet is saved as CSV" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("first", "columns"),
+    [
+        ("2026-01-31 12:00:00.000,0.1,0.2", "time=column1 position=column2 velocity=column3"),
+        ("2026-01-31T12:00:00Z,0.1,0.2", "time=column1 position=column2 velocity=column3"),
+        ("2026-01-31;12:00:00.000;0,1;0,2", "time=column1 time=column2 position=column3 velocity=column4"),
+        ("0.0,,0.1,0.2,", "time=column1 position=column3 velocity=column4"),
+        (",0.1,0.2", "time=column1 position=column2 velocity=column3"),
+        ("0.0,0.1,N/A", "time=column1 position=column2 velocity=column3"),
+        ("0.0,NaN,null", "time=column1 position=column2 velocity=column3"),
+        ("NaN,NaN,NaN", "time=column1 position=column2 velocity=column3"),
+        (",,", "time=column1 position=column2 velocity=column3"),
+    ],
+)
+def test_a_first_row_is_no_line_of_names(first: str, columns: str, tmp_path: Path) -> None:
+    """Dates, and words for what is missing, were taken for names; a column that began empty was not there."""
+    (tmp_path / "a.csv").write_text(f"# of a rig\n{first}\n{first}\n")
+    named = [Named(field=field, column=column) for field, column in (one.split("=") for one in columns.split())]
+    table = load_table(tmp_path / "a.csv", named)
+    assert len(table.batches["joint1"]) == 2
+    assert table.notes == ("its columns have no names, and are numbered",)
+
+
+@pytest.mark.parametrize("above", ["Logger 3.1\n", "Logger\n\nRate: 10 Hz\n", "0.5\n"])
+def test_lines_above_values_without_names(above: str, tmp_path: Path) -> None:
+    """They were taken for the names."""
+    rows = "".join(f"{time:.3f},{place:.9f}\n" for time, place in zip(TIMES, POSITIONS[:, 0], strict=True))
+    (tmp_path / "a.dat").write_text(above + rows)
+    named = [Named(field="time", column="column1"), Named(field=POSITION, column="column2")]
+    table = load_table(tmp_path / "a.dat", named)
+    np.testing.assert_allclose(table.batches["joint1"].position, POSITIONS[:, 0], atol=1e-8)
+    assert f"below {above.count(chr(10))} other lines" in table.form
+
+
+def test_names_in_a_comment_above_dates(tmp_path: Path) -> None:
+    """The first row was taken for the names."""
+    (tmp_path / "a.csv").write_text("# time,q1\n2026-01-31 12:00:00.5,0.1\n2026-01-31 12:00:00.6,0.2\n")
+    np.testing.assert_allclose(load_table(tmp_path / "a.csv").batches["joint1"].position, [0.1, 0.2])
+
+
+@pytest.mark.parametrize("name", ["a.xlsx", "a.csv", "a.mcap"])
+def test_what_is_no_text_is_no_table(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A spreadsheet, say, text in UTF-16, or a bag."""
+    (tmp_path / name).write_bytes("PK,\n1,2\n".encode("utf-16"))
+    assert main(["convert", str(tmp_path / name), "--out", str(tmp_path / "b.mcap")]) == 2
+    wanted = (
+        "must be text in UTF-8 (not UTF-16), .parquet or .npz; a spreadsheet is saved as CSV, a bag analysed as it is"
+    )
+    assert wanted in capsys.readouterr().err
+
+
+def test_a_column_has_one_meaning(tmp_path: Path) -> None:
+    """A position was its own velocity, and the joint was named after its column."""
+    (tmp_path / "a.csv").write_text("0.0,0.1\n0.1,0.2\n")
+    for field in (POSITION, "velocity", "time"):
+        named = [("time", "column1"), (POSITION, "column2"), (field, "column2")]
+        with pytest.raises(RecordingError, match=f"column2' must be named once: it is for position and {field}"):
+            load_table(tmp_path / "a.csv", [Named(field=one, column=column) for one, column in named])
+
+
+def test_a_table_of_any_ending_is_told_how_to_become_a_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The command that is printed can be typed, blanks in its path or not."""
+    path = tmp_path / "my rig.dat"
+    path.write_text("0.0 0.1\n0.1 0.2\n")
+    assert main(["analyze", str(path)]) == 2
+    assert f"a table becomes one by stickslip convert '{path}' --out 'my rig.mcap'" in capsys.readouterr().err
+    out, options = str(tmp_path / "my rig.mcap"), ["--column", "time=column1", "--column", "position=column2"]
+    assert main(["convert", str(path), "--out", out, *options]) == 0
+    assert f"now: stickslip analyze '{out}'" in " ".join(capsys.readouterr().err.split())
 
 
 def test_first_stamps_that_no_row_could_have(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -321,7 +389,7 @@ def test_columns_of_one_name(tmp_path: Path, capsys: pytest.CaptureFixture[str])
 def test_text_that_is_none(tmp_path: Path) -> None:
     """Names in another encoding are told with their line; a column of text in Parquet with its name."""
     (tmp_path / "a.csv").write_bytes("time_s;Drehmoment µ\n0;1\n".encode("latin-1"))
-    with pytest.raises(RecordingError, match="line 1: must be text in UTF-8"):
+    with pytest.raises(RecordingError, match="line 1: must be text in UTF-8: it has the byte 0xb5"):
         load_table(tmp_path / "a.csv")
     pyarrow.parquet.write_table(pa.table({"t": [0.1], "q1": ["many"]}), tmp_path / "b.parquet")
     with pytest.raises(RecordingError, match=r"columns t, q1 must hold numbers: .*many"):
