@@ -35,9 +35,10 @@ leg() {
     "$bin/python" -c 'import numpy, scipy, numba, sys
 print("Python", sys.version.split()[0], "numpy", numpy.__version__, "scipy", scipy.__version__, "numba", numba.__version__)'
     (cd "$folder/$name" && "$bin/stickslip" warm-up && timeout 300 "$bin/stickslip" demo) || return
-    # Not `python -m pytest`, which would put the sources before the package that was installed.
-    # shellcheck disable=SC2086
-    timeout 900 "$bin/pytest" $tests
+    # Not `python -m pytest`, nor from here: the sources would come before the package that was installed, in the tests
+    # or in the nodes that they start, and would be compiled once more.
+    # shellcheck disable=SC2046,SC2086
+    (cd "$folder/$name" && timeout 900 "$bin/pytest" $(printf "$folder/../%s " $tests))
 }
 
 failed=""; missing=""; passed=""
