@@ -38,7 +38,7 @@ print("Python", sys.version.split()[0], "numpy", numpy.__version__, "scipy", sci
     # Not `python -m pytest`, nor from here: the sources would come before the package that was installed, in the tests
     # or in the nodes that they start, and would be compiled once more.
     # shellcheck disable=SC2046,SC2086
-    (cd "$folder/$name" && timeout 900 "$bin/pytest" $(printf "$folder/../%s " $tests))
+    (cd "$folder/$name" && timeout 900 "$bin/pytest" $(printf "../../%s " $tests))
 }
 
 failed=""; missing=""; passed=""

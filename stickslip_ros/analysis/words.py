@@ -13,6 +13,7 @@ from stickslip_ros.analysis.judgement import NOT_JUDGED, lacks_data
 from stickslip_ros.bags.topics import Topics
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.model.units import unit_of
+from stickslip_ros.monitoring.detection._judgement_kernel import DIP_AGAIN
 from stickslip_ros.monitoring.detection.status import Finding, Status
 from stickslip_ros.output.wording import (
     angle_text,
@@ -79,10 +80,8 @@ def finding(joint: JointAnalysis) -> str:
     text += f": {joint.reason}" if joint.reason else ""
     if joint.worst is Status.AT_RISK and joint.status is not Status.AT_RISK:
         share = percent(joint.time_in(Status.AT_RISK) / joint.moving_time)
-        text += (
-            f"; for {share} of its moving time{f',{speed},' if speed else ''} its speed fell below a fifth of its mean"
-        )
-        text += ", or again and again below 70 %"
+        when = f"for {share} of its moving time{f',{speed},' if speed else ''}"
+        text += f"; {when} its speed fell below a fifth of its mean, or again and again below {100.0 * DIP_AGAIN:.0f} %"
     text += _unseen([joint]) if joint.status is Status.SMOOTH and joint.worst is Status.SMOOTH else ""
     return f"{text}.{_in_the_end(joint)}{_stuck(joint)}{_caveat(joint)}"
 

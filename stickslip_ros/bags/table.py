@@ -114,6 +114,11 @@ def find_recording(name_or_path: str) -> Path:
     )
 
 
+def convert_command(path: Path) -> str:
+    """The command that makes a bag of a table, as it can be typed."""
+    return f"stickslip convert {quote(str(path))} --out {quote(f'{path.stem}.mcap')}"
+
+
 def load_table(path: Path, named: Sequence[Named] = (), limit: UnpackLimit | None = None) -> Table:
     """Read a table of samples, every joint of it, in SI units.
 
@@ -155,7 +160,7 @@ def load_recording(path: Path, joint: str | None = None, limit: UnpackLimit | No
         problem += did_you_mean(nearest_joint(joint or "", names))
         raise RecordingError(
             f"recording {path}: has {problem}; there are {', '.join(names)}; all of them become a bag by "
-            f"stickslip convert {quote(str(path))} --out {quote(f'{path.stem}.mcap')}"
+            + convert_command(path)
         )
     chosen = names[0] if len(names) == 1 else str(joint)
     return Recording(name=table.name, unit=table.unit(chosen), batch=table.batches[chosen])

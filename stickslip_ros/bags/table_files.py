@@ -404,8 +404,8 @@ def _below_a_preamble(lines: Sequence[bytes], first: int, header: str) -> tuple[
             values = _cells_of(texts[after], delimiter)
             if counts[number] == counts[after] == counts[numbers[-1]] and _is_value(values[0]):
                 # Where all of them are values, there are no names.
-                names = set(map(_is_value, _cells_of(texts[number], delimiter)))
-                return (number, texts[number]) if len(names) == 1 else None
+                are_values = set(map(_is_value, _cells_of(texts[number], delimiter)))
+                return (number, texts[number]) if len(are_values) == 1 else None
     return None
 
 

@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from shlex import quote
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,7 @@ from stickslip_ros.bags.lerobot import episode_of, files_of_episode, is_data_set
 from stickslip_ros.bags.storage.bag_file import BagFile
 from stickslip_ros.bags.storage.formats import FORMATS, METADATA, format_of, is_bag_file
 from stickslip_ros.bags.storage.unpacking import Allowance, UnpackLimit
-from stickslip_ros.bags.table import RecordingError, load_table
+from stickslip_ros.bags.table import RecordingError, convert_command, load_table
 from stickslip_ros.bags.topics import READ_TYPES
 from stickslip_ros.bags.writing import joint_state_streams
 from stickslip_ros.errors import needs, optional_packages, reason
@@ -121,8 +120,7 @@ class Bag:
                 why = f"it {needs(error)}" if isinstance(error, ImportError) else reason(error)
                 reasons.append(f"{file.name}: {why}" if self.path.is_dir() else why)
         if not opened and self.path.is_file() and not is_bag_file(self.path):
-            path, out = quote(str(self.path)), quote(f"{self.path.stem}.mcap")
-            reasons.append(f"a table becomes one by stickslip convert {path} --out {out}")
+            reasons.append(f"a table becomes one by {convert_command(self.path)}")
         if not opened:
             raise RecordingError(f"bag {self.path}: {'; '.join(reasons) or f'no {_ANY} file is in it'}")
         self.warnings += reasons

@@ -51,8 +51,8 @@ class FittedLaw:
     position_disturbance : force subtracted from that of the problem's slips, None if none is.
     rejected : names of the laws that screening has rejected for good.
     unsettled : whether the joint's contact yields, and the joint slips again before it has come to rest on the contact.
-    by_optional_terms : covariance of parameters and kinetic friction that :mod:`.model_selection` which were not fitted
-        may cause, shape (p + k, p + k), or 0.
+    by_optional_terms : covariance of parameters and kinetic friction that optional terms which were not fitted may
+        cause, see :mod:`.model_selection`, shape (p + k, p + k), or 0.
     late : root mean square of the controller's delay where it is not fitted [sample intervals], by its posterior; None
         where the slips say nothing of it.
     """

@@ -6,7 +6,7 @@ A delay τ of the force of the gains is, to the first order, damping of −k_p �
 and gains that are the same throughout, viscous friction and inertia take it up: then viscous friction is told with
 it, F_v − k_p τ, which is what counts for the margin, and the error of the inertia has it. Where it takes away more
 damping than friction gives, no friction can take it up: there it is fitted. Where speeds differ it is one of the
-:mod:`.model_selection`.
+optional terms of :mod:`.model_selection`.
 """
 
 from __future__ import annotations
