@@ -86,7 +86,7 @@ def test_what_is_identified_keeps_law_and_contact(
     values |= {"friction": {**PUMA.joint.friction.numbers, **changes}, "encoder_resolution": 2.5e-5}
     (tmp_path / "other.yaml").write_text(json.dumps(values), encoding="utf-8")
     output(
-        capsys, f"simulate --model {tmp_path}/other.yaml --out {tmp_path}/bag.mcap --rate 500 --velocity 0.005,0.003"
+        capsys, f"simulate --model {tmp_path}/other.yaml --out {tmp_path}/bag.mcap --rate 250 --velocity 0.005,0.003"
     )
     output(capsys, f"identify {tmp_path}/bag.mcap --out {tmp_path}/found.yaml")
     friction = load_joint(f"{tmp_path}/found.yaml").joint.friction

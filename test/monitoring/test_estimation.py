@@ -184,7 +184,7 @@ def test_effort_alone_is_enough(puma: Joint) -> None:
         assert estimate[name].value == pytest.approx(truth(puma)[name], rel=0.05), name
 
 
-@pytest.mark.parametrize("seed", [1000, 1003, nightly(1005), nightly(1009)])
+@pytest.mark.parametrize("seed", [1003, nightly(1000), nightly(1005), nightly(1009)])
 def test_noisy_effort_leads_to_one_friction(seed: int) -> None:
     """Issue 38: with effort alone and its noise, fits ended where rounding led them: another zero of the encoder moved
     what was "identified" by up to 25 standard errors.

@@ -140,7 +140,7 @@ def test_an_unknown_model_ends_the_node_with_one_line(ros_domain: int) -> None:
     "name",
     [
         nightly("kinova_gen3_joint7_0.03rad_s"),
-        "openarm_joint3_tracking",
+        nightly("openarm_joint3_tracking"),
         nightly("fairino_joint3_line_slow"),
         "slider",
     ],
