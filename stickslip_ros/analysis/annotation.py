@@ -17,7 +17,7 @@ from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import NOT_COMPUTED, Assessment, ExactQuestion, as_seen
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.output.diagnosis import Diagnosis, cycle_diagnostic, joint_diagnostic
-from stickslip_ros.output.published import MARGIN_FIELDS, margin_row
+from stickslip_ros.output.published import MARGIN_FIELDS, Findings, margin_row
 
 DIAGNOSTICS, CYCLES, MARGINS = "/diagnostics", "/stickslip_monitor/cycles", "/stickslip_monitor/margins"
 _ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
@@ -58,11 +58,9 @@ class Annotation:
         diagnoses: list[Diagnosis] = []
         rows: list[list[float]] = []
         for name, state in states.items():
-            exact = self._exact(name, state, joints[name])
-            diagnoses.append(
-                joint_diagnostic(name, state, exact, NOT_COMPUTED, warn_margin=self._warn_margin, silent_for=None)
-            )
-            rows.append(margin_row(state, exact, NOT_COMPUTED))
+            known = Findings(assessment=state, exact=self._exact(name, state, joints[name]))
+            diagnoses.append(joint_diagnostic(name, known, self._warn_margin))
+            rows.append(margin_row(known))
         self._write(DIAGNOSTICS, self._array(time, diagnoses), time + offset)
         self._write(
             MARGINS, self._writer.table(",".join(states), ",".join(MARGIN_FIELDS), np.array(rows)), time + offset

@@ -27,11 +27,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import CompressedImage, JointState
 from std_msgs.msg import Float64MultiArray
 
-from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import Gains
-from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.advice.compensations import CompensatedGains, CompensationQuestion, compensation_advice
-from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.nodes.conversion import friction_message, table
@@ -45,7 +42,7 @@ from stickslip_ros.output.diagnosis import (
     joint_diagnostic,
     waiting_diagnostic,
 )
-from stickslip_ros.output.published import MARGIN_FIELDS, margin_row
+from stickslip_ros.output.published import MARGIN_FIELDS, Findings, margin_row
 from stickslip_ros.output.stability_map import MapSubject, picture, subject_of
 from stickslip_ros.visible import visible
 
@@ -142,31 +139,6 @@ def _is_calm(word: str) -> bool:
     return word in ("", *_CALM)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Findings:
-    """Present findings on one joint.
-
-    Attributes
-    ----------
-    exact, trial : verdicts on the present gains and on those on trial. here : verdict at the present place or load,
-        None where friction is not known to vary.
-    silent_for : time without samples [s], None if samples come. trouble : why the joint cannot be judged, or "".
-    missing : why states, gains or references are missing, or "".
-    applied : last outcome of `~/apply_recommendation`, or "".
-    conditions : beyond the paper, as configured.
-    """
-
-    assessment: Assessment
-    exact: ExactVerdict
-    trial: ExactVerdict
-    silent_for: float | None
-    trouble: str
-    missing: str
-    applied: str
-    conditions: OperatingConditions
-    here: ExactVerdict | None = None
-
-
 class Publications:
     """The node's publishers, which are silent while it is inactive; ``robot`` precedes the joints' names."""
 
@@ -221,21 +193,10 @@ class Publications:
             one = joints.get(name)
             if one is None:
                 continue
-            diagnosis = joint_diagnostic(
-                name,
-                one.assessment,
-                one.exact,
-                one.trial,
-                warn_margin=warn_margin,
-                silent_for=one.silent_for,
-                trouble=one.trouble,
-                missing=one.missing,
-                applied=one.applied,
-                here=one.here,
-            )
+            diagnosis = joint_diagnostic(name, one, warn_margin)
             self._log.note(name, one.trouble or one.assessment.finding.status.value, diagnosis.message, monotonic())
             self._statuses[name] = status_bytes(diagnosis, self.robot)
-            self._rows[name] = array_of("d", margin_row(one.assessment, one.exact, one.trial))
+            self._rows[name] = array_of("d", margin_row(one))
         statuses = [self._statuses[name] for name in reported if name in joints]
         if own is not None:
             statuses.insert(0, status_bytes(own, self.robot))

@@ -43,11 +43,12 @@ from stickslip_ros.nodes.joints.watched_joints import (
     urgent,
 )
 from stickslip_ros.nodes.other_monitors import OtherMonitors
-from stickslip_ros.nodes.publications import Findings, Publications, recommended_compensation, stability_maps
+from stickslip_ros.nodes.publications import Publications, recommended_compensation, stability_maps
 from stickslip_ros.nodes.self_diagnosis import SelfDiagnosis
 from stickslip_ros.nodes.slow_work import AdviceWorker, ExactWorker, SlowWork, attend_study
 from stickslip_ros.nodes.state.state_keeper import StateKeeper
 from stickslip_ros.output.diagnosis import Diagnosis, Level, value_text
+from stickslip_ros.output.published import Findings
 
 _PUBLISH_REST = 2.5  # time between publications, mean durations of one: intake has most of the processor
 _SMOOTHING = 0.1  # weight of the last duration in the mean duration, 1: one long tick delays no joint

@@ -151,40 +151,18 @@ def _growth_values(estimate: FrictionEstimate) -> Values:
     return values
 
 
-def joint_diagnostic(
-    name: str,
-    assessment: Assessment,
-    exact: ExactVerdict,
-    trial: ExactVerdict,
-    *,
-    warn_margin: float,
-    silent_for: float | None,
-    trouble: str = "",
-    missing: str = "",
-    applied: str = "",
-    here: ExactVerdict | None = None,
-) -> Diagnosis:
-    """One joint's status: a summary for a person, every number as a key with its unit for programs; all in SI units.
-
-    Parameters
-    ----------
-    exact, trial : verdicts on the present gains and on those on trial. here : on the present gains at the present
-        position and load, where friction is known to vary; the others are of the worst place then.
-    silent_for : [s], None if it is heard, infinite if it never was.
-    trouble : why nothing can be said of it, "" if something can.
-    missing : why gains or reference are not known though they were configured, "" if they are.
-    applied : the last outcome of `~/apply_recommendation`, "" if there was none.
-    """
+def joint_diagnostic(name: str, found: published.Findings, warn_margin: float) -> Diagnosis:
+    """One joint's status: a summary for a person, every number as a key with its unit for programs; all in SI units."""
+    assessment, exact = found.assessment, found.exact
     reason = "" if assessment.finding.reason is None else reason_text(assessment.finding)
-    level, message = _summary(assessment, reason, exact, warn_margin, silent_for)
-    if trouble:
-        level, message = Level.WARN, trouble
-    if missing:
-        level, message = max(level, Level.WARN), f"{message}; {missing}"
-    known = published.Known(assessment=assessment, exact=exact, trial=trial)
+    level, message = _summary(found, reason, warn_margin)
+    if found.trouble:
+        level, message = Level.WARN, found.trouble
+    if found.missing:
+        level, message = max(level, Level.WARN), f"{message}; {found.missing}"
 
     def rows(*sections: published.Section) -> Values:
-        return [row for one in sections for row in one.for_diagnostics(one.of(known))]
+        return [row for one in sections for row in one.for_diagnostics(one.of(found))]
 
     values: Values = [
         *rows(published.STATUS),
@@ -192,7 +170,7 @@ def joint_diagnostic(
         *rows(published.VELOCITY),
         ("velocity is from", assessment.velocity_source),
         ("margin reason", assessment.margin_reason),
-        ("missing", missing),
+        ("missing", found.missing),
         *_margin_values(published.MARGIN, assessment.margin),
     ]
     if assessment.margin is not None:
@@ -201,17 +179,17 @@ def joint_diagnostic(
         values += rows(published.EXACT)
     if not math.isnan(exact.damping_reserve):
         values += rows(published.RESERVE)
-    if here is not None and here.smooth is not None:
-        values.append(("exact smooth here", str(here.smooth).lower()))
+    if found.here is not None and found.here.smooth is not None:
+        values.append(("exact smooth here", str(found.here.smooth).lower()))
     if exact.reason:
         values.append(("exact reason", exact.reason))
     values += rows(published.GAINS, published.INTEGRAL_GAIN)
     if assessment.advice is not None:
         values.append(("recommendation", assessment.advice_text))
         values += _advice_values(assessment.advice, assessment.variant)
-    values += _trial_values(assessment, trial)
-    if applied:
-        values.append(("applied", applied))
+    values += _trial_values(assessment, found.trial)
+    if found.applied:
+        values.append(("applied", found.applied))
     values += rows(published.BELIEF)
     if assessment.joint is not None and not assessment.per_inertia:
         values += _joint_values(assessment.joint)
@@ -289,15 +267,14 @@ def _trial_values(assessment: Assessment, exact: ExactVerdict) -> Values:
     ]
 
 
-def _summary(
-    assessment: Assessment, reason: str, exact: ExactVerdict, warn_margin: float, silent_for: float | None
-) -> tuple[Level, str]:
+def _summary(found: published.Findings, reason: str, warn_margin: float) -> tuple[Level, str]:
+    assessment, exact = found.assessment, found.exact
     finding, margin = assessment.finding, assessment.margin
     text = finding.status.value + (f": {reason}" if reason else "")
-    if silent_for is not None:
-        if math.isinf(silent_for):
+    if found.silent_for is not None:
+        if math.isinf(found.silent_for):
             return Level.STALE, "no data yet"
-        return Level.STALE, f"no data for {silent_for:.1f} s (was {finding.status.value})"
+        return Level.STALE, f"no data for {found.silent_for:.1f} s (was {finding.status.value})"
     if finding.status is Status.STICK_SLIP:
         if assessment.change is not None and assessment.change.learning_anew:
             text += f"; {friction_change_text(assessment.change)}"
