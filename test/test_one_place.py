@@ -62,7 +62,7 @@ WORDS = {
 DONE = (
     "model", "messages", "monitoring", "monitoring/detection", "monitoring/friction", "monitoring/advice", "bags",
     "bags/storage", "analysis", "analysis/report", "output", "settings", "cli", "", "nodes", "nodes/gains",
-    "nodes/intake", "nodes/joints", "nodes/state",
+    "nodes/intake",
 )  # fmt: skip
 
 

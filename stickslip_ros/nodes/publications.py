@@ -32,8 +32,8 @@ from stickslip_ros.monitoring.advice.compensations import CompensatedGains, Comp
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.nodes.conversion import friction_message, table
-from stickslip_ros.nodes.joints.watched_joints import WORTH_CHANGING
 from stickslip_ros.nodes.slow_work import Background, SlowWork
+from stickslip_ros.nodes.watched_joints import WORTH_CHANGING
 from stickslip_ros.output.diagnosis import (
     Diagnosis,
     compensation_diagnosis,

@@ -22,7 +22,7 @@ from std_srvs.srv import Trigger
 
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.assessment import NOT_COMPUTED, as_seen
-from stickslip_ros.nodes import monitor_parameters
+from stickslip_ros.nodes import node_parameters
 from stickslip_ros.nodes.compiled_parts import CompiledParts
 from stickslip_ros.nodes.friction_feedforward import FrictionFeedforward
 from stickslip_ros.nodes.gains.gain_intake import GainIntake
@@ -31,9 +31,12 @@ from stickslip_ros.nodes.gains.ramps import Ramps
 from stickslip_ros.nodes.intake.arrivals import Arrivals, reference_message_type
 from stickslip_ros.nodes.intake.inputs import Inputs
 from stickslip_ros.nodes.intake.refusals import Refusals
-from stickslip_ros.nodes.joints import joint_parameters
-from stickslip_ros.nodes.joints.joint_parameters import OwnChange
-from stickslip_ros.nodes.joints.watched_joints import (
+from stickslip_ros.nodes.kept_state import StateKeeper
+from stickslip_ros.nodes.other_monitors import OtherMonitors
+from stickslip_ros.nodes.publications import Publications, recommended_compensation, stability_maps
+from stickslip_ros.nodes.self_diagnosis import SelfDiagnosis
+from stickslip_ros.nodes.slow_work import AdviceWorker, ExactWorker, SlowWork, attend_study
+from stickslip_ros.nodes.watched_joints import (
     FEW,
     BatchProcessing,
     GainBounds,
@@ -42,11 +45,6 @@ from stickslip_ros.nodes.joints.watched_joints import (
     WatchedJoints,
     urgent,
 )
-from stickslip_ros.nodes.other_monitors import OtherMonitors
-from stickslip_ros.nodes.publications import Publications, recommended_compensation, stability_maps
-from stickslip_ros.nodes.self_diagnosis import SelfDiagnosis
-from stickslip_ros.nodes.slow_work import AdviceWorker, ExactWorker, SlowWork, attend_study
-from stickslip_ros.nodes.state.state_keeper import StateKeeper
 from stickslip_ros.output.diagnosis import Diagnosis, Level, value_text
 from stickslip_ros.output.published import Findings
 
@@ -126,7 +124,7 @@ class Reports:
     def __init__(
         self,
         node: LifecycleNode,
-        own_change: OwnChange,
+        own_change: node_parameters.OwnChange,
         joints: WatchedJoints,
         processing: BatchProcessing,
         *,
@@ -182,7 +180,7 @@ class Reports:
         for topic in self._on_demand:
             topic.attend(self.findings, now)
         with self._own_change:
-            joint_parameters.set_recommended(
+            node_parameters.set_recommended(
                 self._node, {name: self._advised[name] for name in assessed if name in self.findings}
             )
         ended = self._processing.pop_cycles()
@@ -268,7 +266,7 @@ class Session:
         self,
         node: LifecycleNode,
         bounds: GainBounds,
-        own_change: OwnChange,
+        own_change: node_parameters.OwnChange,
         state_path: Path | None,
         journal: RampJournal,
     ) -> None:
@@ -289,7 +287,7 @@ class Session:
         try:
             # A type that is not installed is refused now, rather than when the node is activated.
             reference_message_type(self._reference_type)
-            names, adviser = monitor_parameters.joint_names(node), AdviceWorker(self._work).adviser
+            names, adviser = node_parameters.joint_names(node), AdviceWorker(self._work).adviser
             self.joints = WatchedJoints(node, names, bounds, own_change, adviser, self._refuse)
             self._processing = BatchProcessing(self.joints, self._refuse, log)
             self._gains = GainIntake(node, self.joints, self._refuse)
@@ -328,7 +326,7 @@ class Session:
             self._follow_controllers()
 
     def _follow_controllers(self) -> None:
-        self._gains.follow(monitor_parameters.controllers(self._node))
+        self._gains.follow(node_parameters.controllers(self._node))
 
     def activate(self, heard: Callable[[], None]) -> None:
         """Begin to listen; ``heard`` is called when the first message comes that ends an idle time."""

@@ -12,7 +12,7 @@ from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.closed_loop_health import ClosedLoopHealth, health_of, swing_of, what_got_worse
 from stickslip_ros.monitoring.detection.status import Status
-from stickslip_ros.nodes.joints.watched_joints import WatchedJoint
+from stickslip_ros.nodes.watched_joints import WatchedJoint
 
 WATCH = 1.0  # span of motion that is judged, s: gains that were in force for so long without objection are good
 _SILENCE = 1.0  # time without a sample, s: a joint that is silent for longer cannot be watched

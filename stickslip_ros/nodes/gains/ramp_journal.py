@@ -14,8 +14,15 @@ from pathlib import Path
 
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.messages.gain_parameters import GainPair
-from stickslip_ros.nodes.state.plain_data import NewerVersionError, from_plain, sealed, to_plain, unsealed
-from stickslip_ros.nodes.state.state_file import set_aside, write_state
+from stickslip_ros.nodes.kept_state import (
+    NewerVersionError,
+    from_plain,
+    sealed,
+    set_aside,
+    to_plain,
+    unsealed,
+    write_state,
+)
 from stickslip_ros.regular_files import read_regular
 
 _FORMAT, _VERSION = "stickslip_ros ramps", 1

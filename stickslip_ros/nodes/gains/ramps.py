@@ -23,8 +23,8 @@ from stickslip_ros.nodes.gains.gain_intake import GainIntake
 from stickslip_ros.nodes.gains.motion_watch import MotionWatch
 from stickslip_ros.nodes.gains.ramp_journal import RampJournal, UnfinishedRamp
 from stickslip_ros.nodes.intake.arrivals import NeverExecuted
-from stickslip_ros.nodes.joints.watched_joints import WatchedJoint
 from stickslip_ros.nodes.other_monitors import OtherMonitors
+from stickslip_ros.nodes.watched_joints import WatchedJoint
 
 APPLY, RESTORE = "apply_recommendation", "restore_gains"
 _PATIENCE = 10.0  # time until advice has been computed, s: a client waits no longer for an answer

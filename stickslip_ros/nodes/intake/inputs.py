@@ -25,7 +25,7 @@ from stickslip_ros.nodes.intake.arrivals import (
     reference_type_name,
 )
 from stickslip_ros.nodes.intake.publishers import NAMED, SCAN_EVERY, is_named, names_of, publishers_by_topic
-from stickslip_ros.nodes.joints.watched_joints import WatchedJoint, WatchedJoints
+from stickslip_ros.nodes.watched_joints import WatchedJoint, WatchedJoints
 from stickslip_ros.output.wording import references_off_text
 from stickslip_ros.regular_files import read_yaml
 from stickslip_ros.settings.parameter_names import (

@@ -31,8 +31,8 @@ from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import FloatArray, ReferencePairing
+from stickslip_ros.nodes import node_parameters
 from stickslip_ros.nodes.intake.refusals import Refusals
-from stickslip_ros.nodes.joints import joint_parameters
 from stickslip_ros.settings.parameter_table import COMMON, PER_JOINT
 from stickslip_ros.settings.parameters import JointSettings
 
@@ -180,7 +180,7 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
         node: Node,
         names: tuple[str, ...],
         bounds: GainBounds,
-        own_change: joint_parameters.OwnChange,
+        own_change: node_parameters.OwnChange,
         adviser: Callable[[str], Adviser],
         refuse: Refusals,
     ) -> None:
@@ -220,8 +220,8 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
 
     def _add(self, name: str) -> WatchedJoint:
         with self._own_change:
-            joint_parameters.declare(self._node, name)
-        settings = joint_parameters.read(self._node, name)
+            node_parameters.declare_joint(self._node, name)
+        settings = node_parameters.read_joint(self._node, name)
         monitor = JointMonitor(
             settings.joint, settings.gains, settings.options, self._adviser(name), segments_kept=0, at_arrest=True
         )
@@ -290,20 +290,20 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
             If changes would make no joint.
         """
         for joint in self._concerned(changes):
-            joint_parameters.read(self._node, joint.name, changes)
+            node_parameters.read_joint(self._node, joint.name, changes)
 
     def apply(self, changes: Mapping[str, Parameter]) -> list[tuple[WatchedJoint, Gains | None]]:
         """Apply parameters that have changed; returns the gains, in SI units, that follow for some joints."""
         gains: list[tuple[WatchedJoint, Gains | None]] = []
         for joint in self._concerned(changes):
             before = joint.settings
-            joint.follow(joint_parameters.read(self._node, joint.name))
+            joint.follow(node_parameters.read_joint(self._node, joint.name))
             if any(name.startswith(f"gains.{joint.name}.") for name in changes):
                 gains.append((joint, joint.settings.gains))
             elif joint.settings.gain_scale != before.gain_scale and joint.monitor.gains is not None:
                 gains.append((joint, joint.settings.to_si(before.from_si(joint.monitor.gains))))
             if any(name.startswith(f"limits.{joint.name}.") for name in changes):
-                joint_parameters.describe_recommended(self._node, joint.name)
+                node_parameters.describe_recommended(self._node, joint.name)
         self._note_fed_forward()
         return gains
 
