@@ -2,24 +2,19 @@
 # Copyright 2026 The stickslip_ros developers
 """What the node publishes and logs of its joints: diagnostics, margins, cycles, friction, advice.
 
-Diagnoses become the bytes of a DiagnosticArray here, because rclpy takes several times as long. The encoding is CDR
-(OMG, Common Data Representation), little-endian, as every ROS 2 middleware reads it. `~/stability_map` and
-`~/recommended_compensation`, which take a second to compute, are latched: each is computed only while somebody listens,
-and again on change.
+`~/stability_map` and `~/recommended_compensation`, which take a second to compute, are latched: each is computed only
+while somebody listens, and again on change.
 """
 
 from __future__ import annotations
 
 import math
-import struct
 from array import array as array_of
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import astuple, dataclass
-from functools import lru_cache
 from time import monotonic
 from typing import Any, Generic, TypeVar
 
-from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
@@ -36,10 +31,13 @@ from stickslip_ros.nodes.slow_work import Background, SlowWork
 from stickslip_ros.nodes.watched_joints import WORTH_CHANGING
 from stickslip_ros.output.diagnosis import (
     Diagnosis,
+    StatusBytes,
     compensation_diagnosis,
     compensation_question,
     cycle_diagnostic,
+    diagnostic_array_bytes,
     joint_diagnostic,
+    status_bytes,
     waiting_diagnostic,
 )
 from stickslip_ros.output.published import MARGIN_FIELDS, Findings, margin_row
@@ -48,11 +46,6 @@ from stickslip_ros.visible import visible
 
 _APART = 10.0  # time between two lines on a joint, s: a person reads the log
 _FURTHEST_APART = 600.0  # limit of that time, s: it doubles while the status goes on changing
-_ENCAPSULATION = b"\x00\x01\x00\x00"
-_ALIGNED = 4  # alignment of numbers and of lengths of texts, bytes: CDR has it
-_LENGTH = struct.Struct("<I")
-_HEADER = struct.Struct("<iI")
-_MOST_TEXTS = 4096  # number of cached texts, 1: keys, and names of at most 256 joints
 _CALM = tuple(one.value for one in Status if one not in (Status.STICK_SLIP, Status.AT_RISK))
 _REQUEST_EVERY = 10.0  # time between two questions on a joint, s: each takes a second of the slow process
 _LATCHED = QoSProfile(depth=64, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -201,7 +194,7 @@ class Publications:
         if own is not None:
             statuses.insert(0, status_bytes(own, self.robot))
         if statuses:
-            self._diagnostics.publish(diagnostic_array_bytes(self._now(), statuses))
+            self._diagnostics.publish(diagnostic_array_bytes(self._clock.now().nanoseconds, statuses))
 
     def publish_tables(
         self, joints: Mapping[str, Findings], reported: Sequence[str], advised: Mapping[str, Gains | None]
@@ -219,7 +212,7 @@ class Publications:
         if _has_listeners(self._friction):
             now = {name: joints[name].assessment for name in reported if name in joints}
             if now:
-                self._friction.publish(friction_message(self._now(), now))
+                self._friction.publish(friction_message(self._clock.now().to_msg(), now))
         if _has_listeners(self._margins):
             rows = array_of("d")
             for name in joints:
@@ -233,77 +226,12 @@ class Publications:
 
     def _publish_diagnoses(self, topic: LifecyclePublisher, diagnoses: Iterable[Diagnosis]) -> None:
         statuses = [status_bytes(one, self.robot) for one in diagnoses]
-        topic.publish(diagnostic_array_bytes(self._now(), statuses))
-
-    def _now(self) -> Time:
-        return self._clock.now().to_msg()
+        topic.publish(diagnostic_array_bytes(self._clock.now().nanoseconds, statuses))
 
 
 def _has_listeners(publisher: LifecyclePublisher) -> bool:
     """Whether anybody would get a message that is published now."""
     return bool(publisher.get_subscription_count())
-
-
-@dataclass(frozen=True, kw_only=True)
-class StatusBytes:
-    """Serialized DiagnosticStatus, at any place of an array.
-
-    Attributes
-    ----------
-    body : bytes after the level. filled : number of padding bytes at the end of the body.
-    """
-
-    level: int
-    body: bytes
-    filled: int
-
-
-def status_bytes(diagnosis: Diagnosis, robot: str = "") -> StatusBytes:
-    """Serialize a status.
-
-    Parameters
-    ----------
-    robot : prefix of the names, "" or ending in a slash: robots have joints of the same names, and one /diagnostics.
-    """
-    body = bytearray(_known_text(robot + diagnosis.name))
-    body += _text(diagnosis.message)
-    body += _known_text(robot + diagnosis.hardware_id)
-    body += _LENGTH.pack(len(diagnosis.values))
-    last = b""
-    for key, value in diagnosis.values:
-        body += _known_text(key)
-        last = _text(value)
-        body += last
-    filled = -(_LENGTH.unpack_from(last)[0]) % _ALIGNED if last else 0
-    return StatusBytes(level=diagnosis.level, body=bytes(body), filled=filled)
-
-
-def diagnostic_array_bytes(stamp: Time, statuses: Iterable[StatusBytes]) -> bytes:
-    """A serialized DiagnosticArray."""
-    statuses = list(statuses)
-    data = bytearray(_ENCAPSULATION)
-    data += _HEADER.pack(stamp.sec, stamp.nanosec)
-    data += _text("")
-    data += _LENGTH.pack(len(statuses))
-    filled = 0
-    for one in statuses:
-        # A level is one byte, and needs no padding before it.
-        if filled:
-            data[-filled] = one.level
-        else:
-            data += bytes((one.level, 0, 0, 0))
-        data += one.body
-        filled = one.filled
-    return bytes(data[: len(data) - filled])
-
-
-def _text(text: str) -> bytes:
-    """Serialized text: length, characters, the zero after them, and padding."""
-    characters = text.encode("utf-8", "replace") + b"\x00"
-    return _LENGTH.pack(len(characters)) + characters + bytes(-len(characters) % _ALIGNED)
-
-
-_known_text = lru_cache(_MOST_TEXTS)(_text)  # keys and names are the same all the time
 
 
 class WhileListened(Generic[Question, Answer]):
@@ -422,7 +350,7 @@ def recommended_compensation(
 
     def message(name: str, question: CompensationQuestion, found: tuple[CompensatedGains, ...]) -> bytes:
         status = status_bytes(compensation_diagnosis(name, question, found), robot)
-        return diagnostic_array_bytes(node.get_clock().now().to_msg(), [status])
+        return diagnostic_array_bytes(node.get_clock().now().nanoseconds, [status])
 
     return WhileListened(
         node, work, "~/recommended_compensation", DiagnosticArray,

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 import re
 import traceback
-from collections.abc import Callable, ItemsView, Iterable, Iterator, Mapping, ValuesView
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from operator import is_not
@@ -127,10 +127,6 @@ class WatchedJoint:
         """Names of the parameters that are this joint's."""
         return frozenset(spec.name.format(joint=self.name) for spec in PER_JOINT)
 
-    def add_samples(self, rows: FloatArray) -> None:
-        """Add rows of time, position, velocity and effort, shape (n, 4), the effort in its publisher's units."""
-        self.pairing.add_samples(rows, self.settings.effort_scale)
-
     def advised(self, assessment: Assessment) -> Gains | None:
         """Recommended gains in the controller's units, None if there are none or the present ones are not known."""
         recommended = assessment.recommended
@@ -165,7 +161,7 @@ class WatchedJoint:
         return ""
 
 
-class WatchedJoints(Mapping[str, WatchedJoint]):
+class WatchedJoints(dict[str, WatchedJoint]):
     """The watched joints by name: those configured, or every one that is heard of.
 
     Parameters
@@ -184,9 +180,9 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
         adviser: Callable[[str], Adviser],
         refuse: Refusals,
     ) -> None:
+        super().__init__()
         self._node, self._adviser, self._refuse = node, adviser, refuse
         self._bounds, self._own_change = bounds, own_change
-        self._joints: dict[str, WatchedJoint] = {}
         self._contested: frozenset[str] = frozenset()
         log = node.get_logger()
         self._whole_turns, self._reference_turns = WholeTurns(log.info), WholeTurns()
@@ -195,29 +191,6 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
         for name in names:
             self._add(name)
 
-    def __getitem__(self, name: str) -> WatchedJoint:
-        return self._joints[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._joints)
-
-    def __len__(self) -> int:
-        return len(self._joints)
-
-    # The methods of a Mapping would get every joint by its name, many thousand times a second.
-
-    def __contains__(self, name: object) -> bool:
-        """Whether a joint is watched."""
-        return name in self._joints
-
-    def items(self) -> ItemsView[str, WatchedJoint]:
-        """Names and joints."""
-        return self._joints.items()
-
-    def values(self) -> ValuesView[WatchedJoint]:
-        """The joints."""
-        return self._joints.values()
-
     def _add(self, name: str) -> WatchedJoint:
         with self._own_change:
             node_parameters.declare_joint(self._node, name)
@@ -225,13 +198,13 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
         monitor = JointMonitor(
             settings.joint, settings.gains, settings.options, self._adviser(name), segments_kept=0, at_arrest=True
         )
-        joint = self._joints[name] = WatchedJoint(name, monitor, settings, self._bounds)
+        joint = self[name] = WatchedJoint(name, monitor, settings, self._bounds)
         self._note_fed_forward()
         return joint
 
     def _note_fed_forward(self) -> None:
         # The names are read much more often than settings change.
-        self.fed_forward = tuple(name for name, one in self._joints.items() if one.settings.feedforward.share > 0)
+        self.fed_forward = tuple(name for name, one in self.items() if one.settings.feedforward.share > 0)
 
     def hear(self, samples: Mapping[str, FloatArray], references: Mapping[str, FloatArray], now: float) -> list[str]:
         """Pass samples and references to the joints they are of; returns the joints that are heard of first.
@@ -241,16 +214,16 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
         samples : rows of time, position, velocity and effort of each joint. references : rows that begin with time,
             position and velocity. now : a steady time [s].
         """
-        new = [name for name in samples if name not in self._joints and self._welcome(name)]
+        new = [name for name in samples if name not in self and self._welcome(name)]
         for name, rows in samples.items():
-            joint = self._joints.get(name)
+            joint = self.get(name)
             if joint is not None:
                 joint.heard = now
                 if name not in self._contested:
-                    joint.add_samples(self._whole_turns.removed(name, rows))
+                    joint.pairing.add_samples(self._whole_turns.removed(name, rows), joint.settings.effort_scale)
         for name, rows in references.items():
-            if name in self._joints:
-                self._joints[name].pairing.add_references(self._reference_turns.removed(name, rows[:, :3]))
+            if name in self:
+                self[name].pairing.add_references(self._reference_turns.removed(name, rows[:, :3]))
         return new
 
     def _welcome(self, name: str) -> bool:
@@ -260,7 +233,7 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
         if not _JOINT_NAME.fullmatch(name):
             self._refuse("joint_states: a joint name has characters other than letters, digits, _ - /")
             return False
-        if len(self._joints) >= MOST_JOINTS:
+        if len(self) >= MOST_JOINTS:
             self._refuse(f"joint_states: more than {MOST_JOINTS} joints")
             return False
         try:
@@ -274,7 +247,7 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
         """Restart joints that several publishers move, with ``contest`` as their trouble; clear that of the others."""
         if not contested and not self._contested:
             return
-        for name, joint in self._joints.items():
+        for name, joint in self.items():
             if name in contested and not joint.trouble:
                 # The samples until now were of two motions.
                 joint.restart()
@@ -310,8 +283,8 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
     def _concerned(self, changes: Mapping[str, Parameter]) -> list[WatchedJoint]:
         """Joints whose settings depend on the changed parameters."""
         if not _COMMON.isdisjoint(changes):
-            return list(self._joints.values())
-        return [joint for joint in self._joints.values() if not joint.parameters.isdisjoint(changes)]
+            return list(self.values())
+        return [joint for joint in self.values() if not joint.parameters.isdisjoint(changes)]
 
 
 class RoundRobin:

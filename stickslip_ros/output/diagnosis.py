@@ -1,13 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""What is known of a joint as a diagnosis: a summary for a person, key and value for programs."""
+"""What is known of a joint as a diagnosis: a summary for a person, key and value for programs.
+
+Diagnoses become the bytes of a DiagnosticArray here, for the node and for bags, because rclpy takes several times as
+long. The encoding is CDR (OMG, Common Data Representation), little-endian, as every ROS 2 middleware reads it.
+"""
 
 from __future__ import annotations
 
 import math
+import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import lru_cache
 from typing import Any
 
 from stickslip_ros.model.conditions import OperatingConditions
@@ -42,6 +48,11 @@ Values = list[tuple[str, object]]  # keys and values
 _MOST_KEPT = 1024  # number of lists of values that are kept, 1: some of each of 256 joints
 _ONLY_ABSOLUTE = ("inertia", "coulomb", "load")  # per inertia the slips say nothing of them
 _LEAST_SHARE = 0.1  # of the friction, below which compensation is not worth having
+_ENCAPSULATION = b"\x00\x01\x00\x00"
+_ALIGNED = 4  # alignment of numbers and of lengths of texts, bytes: CDR has it
+_LENGTH = struct.Struct("<I")
+_HEADER = struct.Struct("<iI")
+_MOST_TEXTS = 4096  # number of cached texts, 1: keys, and names of at most 256 joints
 
 
 class Level(IntEnum):
@@ -383,3 +394,64 @@ def compensation_diagnosis(name: str, question: CompensationQuestion, found: tup
         message=compensation_words(found),
         values=tuple((key, value_text(value)) for key, value in values),
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class StatusBytes:
+    """Serialized DiagnosticStatus, at any place of an array.
+
+    Attributes
+    ----------
+    body : bytes after the level. filled : number of padding bytes at the end of the body.
+    """
+
+    level: int
+    body: bytes
+    filled: int
+
+
+def status_bytes(diagnosis: Diagnosis, robot: str = "") -> StatusBytes:
+    """Serialize a status.
+
+    Parameters
+    ----------
+    robot : prefix of the names, "" or ending in a slash: robots have joints of the same names, and one /diagnostics.
+    """
+    body = bytearray(_known_text(robot + diagnosis.name))
+    body += _text(diagnosis.message)
+    body += _known_text(robot + diagnosis.hardware_id)
+    body += _LENGTH.pack(len(diagnosis.values))
+    last = b""
+    for key, value in diagnosis.values:
+        body += _known_text(key)
+        last = _text(value)
+        body += last
+    filled = -(_LENGTH.unpack_from(last)[0]) % _ALIGNED if last else 0
+    return StatusBytes(level=diagnosis.level, body=bytes(body), filled=filled)
+
+
+def diagnostic_array_bytes(stamp: int, statuses: Sequence[StatusBytes]) -> bytes:
+    """A serialized DiagnosticArray with a stamp [ns]."""
+    data = bytearray(_ENCAPSULATION)
+    data += _HEADER.pack(*divmod(stamp, 1_000_000_000))
+    data += _text("")
+    data += _LENGTH.pack(len(statuses))
+    filled = 0
+    for one in statuses:
+        # A level is one byte, and needs no padding before it.
+        if filled:
+            data[-filled] = one.level
+        else:
+            data += bytes((one.level, 0, 0, 0))
+        data += one.body
+        filled = one.filled
+    return bytes(data[: len(data) - filled])
+
+
+def _text(text: str) -> bytes:
+    """Serialized text: length, characters, the zero after them, and padding."""
+    characters = text.encode("utf-8", "replace") + b"\x00"
+    return _LENGTH.pack(len(characters)) + characters + bytes(-len(characters) % _ALIGNED)
+
+
+_known_text = lru_cache(_MOST_TEXTS)(_text)  # keys and names are the same all the time

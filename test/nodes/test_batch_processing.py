@@ -58,7 +58,7 @@ class Stage:
                     [times, COUNT * np.round(position / COUNT), np.full(count, speed), np.zeros(count)]
                 )
                 self.position[name] = float(position[-1])
-                self.joints[name].add_samples(samples[name])
+                self.joints[name].pairing.add_samples(samples[name])
             self.time = float(times[-1])
             self.processing.expect(samples, (), self.time)
             self.processing.poll(self.time, hurry=False)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timezone
@@ -52,7 +52,7 @@ class UnfinishedRamp:
     begun: str = ""
 
 
-class RampJournal(Mapping[str, UnfinishedRamp]):
+class RampJournal(dict[str, UnfinishedRamp]):
     """Unfinished ramps by joint.
 
     Parameters
@@ -63,11 +63,11 @@ class RampJournal(Mapping[str, UnfinishedRamp]):
     """
 
     def __init__(self, path: Path | None) -> None:
+        super().__init__()
         self._path = path
-        self._ramps: dict[str, UnfinishedRamp] = {}
         self.trouble = ""
         try:
-            self._ramps = _read(path) if path is not None else {}
+            self.update(_read(path) if path is not None else {})
         except NewerVersionError as error:
             # The file is sound, and of use to the release that wrote it.
             self._path = None
@@ -87,15 +87,6 @@ class RampJournal(Mapping[str, UnfinishedRamp]):
         """The journal beside a state file, None for no file."""
         return cls(state_path and state_path.with_name(f"{state_path.stem}.ramps.json"))
 
-    def __getitem__(self, joint: str) -> UnfinishedRamp:
-        return self._ramps[joint]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._ramps)
-
-    def __len__(self) -> int:
-        return len(self._ramps)
-
     def begin(self, ramp: UnfinishedRamp) -> None:
         """Record a ramp before its first step. If an earlier ramp was cut off, its beginning is kept.
 
@@ -104,23 +95,23 @@ class RampJournal(Mapping[str, UnfinishedRamp]):
         JournalError
             If the file cannot be written.
         """
-        earlier = self._ramps.get(ramp.joint)
+        earlier = self.get(ramp.joint)
         now = datetime.now(timezone.utc).isoformat(timespec="seconds")
         ramp = replace(ramp, begun=now)
         if earlier is not None:
             ramp = replace(ramp, before=earlier.before, begun=earlier.begun)
-        self._set({**self._ramps, ramp.joint: ramp})
+        self._write({**self, ramp.joint: ramp})
+        self[ramp.joint] = ramp
 
     def end(self, joint: str) -> None:
         """Remove a ramp; a file that cannot be written does no harm, because it has too much and not too little."""
-        if joint in self._ramps:
-            rest = {name: ramp for name, ramp in self._ramps.items() if name != joint}
+        if self.pop(joint, None) is not None:
             try:
-                self._set(rest)
+                self._write(self)
             except JournalError as error:
-                self._ramps, self.trouble = rest, str(error)
+                self.trouble = str(error)
 
-    def _set(self, ramps: dict[str, UnfinishedRamp]) -> None:
+    def _write(self, ramps: Mapping[str, UnfinishedRamp]) -> None:
         if self._path is not None:
             content = sealed(_FORMAT, _VERSION, json.dumps([to_plain(one) for one in ramps.values()]))
             try:
@@ -130,7 +121,6 @@ class RampJournal(Mapping[str, UnfinishedRamp]):
                     f"what is to be changed cannot be noted in {self._path} first: {error.strerror or error}"
                 ) from error
             self.trouble = ""
-        self._ramps = ramps
 
 
 def _read(path: Path) -> dict[str, UnfinishedRamp]:
