@@ -5,7 +5,6 @@
 from __future__ import annotations
 
 import gc
-import math
 from time import monotonic
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
@@ -28,7 +27,7 @@ class CompiledParts:
     def __init__(self, log: RcutilsLogger) -> None:
         self._log = log
         self._compilation: Compilation | None = None
-        self._began, self._report_at = monotonic(), -math.inf
+        self._began = monotonic()
         self.ready, self.state = False, ""
         if is_warm():
             self._load()
@@ -37,14 +36,14 @@ class CompiledParts:
         if not folder.permanent:
             log.warning(f"{NOT_KEPT}; until then it is compiled at every start")
         self._compilation = Compilation()
-        self._report(monotonic())
+        self._report()
 
     def poll(self, now: float) -> None:
         """Report what is being done, and load the functions once they are compiled; ``now`` is a steady time [s]."""
         if self._compilation is None or self.ready:
             return
         if self._compilation.running:
-            self._report(now)
+            self._report()
             return
         failure = self._compilation.failure
         self.close()
@@ -54,12 +53,9 @@ class CompiledParts:
             self._log.info(f"compiled in {now - self._began:.0f} s")
         self._load()
 
-    def _report(self, now: float) -> None:
-        assert self._compilation is not None
+    def _report(self) -> None:
         self.state = str(self._compilation)
-        if now >= self._report_at:
-            self._report_at = now + _REPORT_EVERY
-            self._log.info(self.state)
+        self._log.info(self.state, throttle_duration_sec=_REPORT_EVERY)
 
     def _load(self) -> None:
         without_linear_algebra()
@@ -84,15 +80,8 @@ def wait_until_compiled(node: Node) -> None:
     Interrupted
         If the process is asked to end meanwhile.
     """
-    reported_at = -math.inf
-
-    def report(text: str) -> None:
-        nonlocal reported_at
-        if monotonic() - reported_at >= _REPORT_EVERY:
-            reported_at = monotonic()
-            node.get_logger().info(text)
-
-    failure = compile_ahead(report)
+    log = node.get_logger()
+    failure = compile_ahead(lambda text: log.info(text, throttle_duration_sec=_REPORT_EVERY))
     if failure:
-        node.get_logger().error(f"compiling ahead failed, and is done in this process instead: {failure}")
+        log.error(f"compiling ahead failed, and is done in this process instead: {failure}")
     without_linear_algebra()

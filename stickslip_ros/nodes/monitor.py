@@ -198,7 +198,3 @@ def _create() -> Monitor:
 def main(args: list[str] | None = None) -> int:
     """Run the node until it is interrupted."""
     return run(_create, args, persevere=True)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

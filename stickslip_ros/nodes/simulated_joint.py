@@ -265,7 +265,3 @@ class SimulatedJoint(Node):
 def main(args: list[str] | None = None) -> int:
     """Run the node until it is interrupted."""
     return run(SimulatedJoint, args)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())
