@@ -324,13 +324,10 @@ def stability_maps(node: LifecycleNode, work: SlowWork) -> WhileListened[MapSubj
 
     return WhileListened(
         node, work, "~/stability_map", CompressedImage,
-        kind="stability map", answer=picture, question=_subject, numbers=_map_numbers, change=_MAP_CHANGE,
-        message=message,
+        kind="stability map", answer=picture,
+        question=lambda name, one: subject_of(name, one.assessment, one.assessment.velocity),
+        numbers=_map_numbers, change=_MAP_CHANGE, message=message,
     )  # fmt: skip
-
-
-def _subject(name: str, one: Findings) -> MapSubject | None:
-    return subject_of(name, one.assessment, one.assessment.velocity)
 
 
 def _map_numbers(subject: MapSubject) -> tuple[list[float], object]:
@@ -354,13 +351,10 @@ def recommended_compensation(
 
     return WhileListened(
         node, work, "~/recommended_compensation", DiagnosticArray,
-        kind="compensation", answer=compensation_advice, question=_compensation_question,
+        kind="compensation", answer=compensation_advice,
+        question=lambda _, one: compensation_question(one.assessment, one.assessment.velocity, one.conditions),
         numbers=_compensation_numbers, change=_COMPENSATION_CHANGE, message=message,
     )  # fmt: skip
-
-
-def _compensation_question(_: str, one: Findings) -> CompensationQuestion | None:
-    return compensation_question(one.assessment, one.assessment.velocity, one.conditions)
 
 
 def _compensation_numbers(question: CompensationQuestion) -> tuple[list[float], object]:

@@ -45,8 +45,9 @@ from stickslip_ros.nodes.watched_joints import (
     WatchedJoints,
     urgent,
 )
-from stickslip_ros.output.diagnosis import Diagnosis, Level, value_text
+from stickslip_ros.output.diagnosis import Diagnosis, Level, diagnosis
 from stickslip_ros.output.published import Findings
+from stickslip_ros.settings.parameter_names import MONITOR
 
 _PUBLISH_REST = 2.5  # time between publications, mean durations of one: intake has most of the processor
 _SMOOTHING = 0.1  # weight of the last duration in the mean duration, 1: one long tick delays no joint
@@ -447,13 +448,7 @@ class Session:
             *own.values(),
             *((f"refused: {reason}", count) for reason, count in self._refuse.counts.items()),
         ]
-        return Diagnosis(
-            level=Level.WARN if message else Level.OK,
-            name="stickslip_monitor",
-            hardware_id="stickslip_monitor",
-            message=message,
-            values=tuple((key, value_text(value)) for key, value in values),
-        )
+        return diagnosis(Level.WARN if message else Level.OK, message, values, MONITOR, MONITOR)
 
     def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         for name, joint in self.joints.items():

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import lru_cache
@@ -81,14 +81,19 @@ class Diagnosis:
     values: tuple[tuple[str, str], ...]
 
 
-def _diagnosis(level: Level, joint: str, message: str, values: Sequence[tuple[str, object]]) -> Diagnosis:
-    return Diagnosis(
-        level=level,
-        name=f"stickslip_monitor: {joint}",
-        hardware_id=joint,
-        message=message,
-        values=tuple((key, value_text(value)) for key, value in values),
+def diagnosis(
+    level: Level, message: str, values: Iterable[tuple[str, object]], name: str, hardware_id: str
+) -> Diagnosis:
+    """A diagnosis whose values are numbers, in full, or texts."""
+    texts = tuple(
+        (key, value if type(value) is str else repr(float(value)) if isinstance(value, float) else str(value))
+        for key, value in values
     )
+    return Diagnosis(level=level, name=name, hardware_id=hardware_id, message=message, values=texts)
+
+
+def _of_joint(level: Level, joint: str, message: str, values: Iterable[tuple[str, object]]) -> Diagnosis:
+    return diagnosis(level, message, values, f"stickslip_monitor: {joint}", joint)
 
 
 def _once(function: Callable[..., Values]) -> Callable[..., Values]:
@@ -109,7 +114,7 @@ def _once(function: Callable[..., Values]) -> Callable[..., Values]:
 
 def waiting_diagnostic(joint: str, reason: str) -> Diagnosis:
     """Status of a joint of which nothing can be said yet."""
-    return _diagnosis(Level.WARN, joint, reason, [("status", Status.UNKNOWN.value), ("reason", reason)])
+    return _of_joint(Level.WARN, joint, reason, [("status", Status.UNKNOWN.value), ("reason", reason)])
 
 
 @_once
@@ -220,7 +225,7 @@ def joint_diagnostic(name: str, found: published.Findings, warn_margin: float) -
     if math.isfinite(assessment.constant_effort):
         single.append(constant_effort_text(assessment.constant_effort))
     values += [("samples left out", "; ".join(samples)), ("values left out", "; ".join(single))]
-    return _diagnosis(level, name, message, values)
+    return _of_joint(level, name, message, values)
 
 
 def _advised_exactly(assessment: Assessment) -> bool:
@@ -314,14 +319,7 @@ def cycle_diagnostic(name: str, cycle: Cycle) -> Diagnosis:
     """One completed cycle."""
     values = [row for section in published.OF_CYCLE for row in section.for_diagnostics(cycle)]
     message = f"slip of {cycle.slip_distance:.4g} rad after {cycle.dwell:.3g} s at rest"
-    return _diagnosis(Level.WARN, name, message, values)
-
-
-def value_text(value: object) -> str:
-    """A number in full, or a text."""
-    if type(value) is str:
-        return value
-    return repr(float(value)) if isinstance(value, float) else str(value)
+    return _of_joint(Level.WARN, name, message, values)
 
 
 def compensation_question(
@@ -387,13 +385,7 @@ def compensation_diagnosis(name: str, question: CompensationQuestion, found: tup
             (f"{label}: swing at rest [rad]", effect.standing_swing),
             (f"{label}: peak error at a reversal [rad]", effect.peak_error),
         ]
-    return Diagnosis(
-        level=Level.OK,
-        name=f"stickslip: compensation of {name}",
-        hardware_id=name,
-        message=compensation_words(found),
-        values=tuple((key, value_text(value)) for key, value in values),
-    )
+    return diagnosis(Level.OK, compensation_words(found), values, f"stickslip: compensation of {name}", name)
 
 
 @dataclass(frozen=True, kw_only=True)

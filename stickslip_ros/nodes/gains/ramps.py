@@ -18,9 +18,8 @@ from std_srvs.srv import Trigger
 
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.messages.gain_parameters import GainPair
-from stickslip_ros.nodes.gains.gain_application import GainApplication, Outcome
+from stickslip_ros.nodes.gains.gain_application import GainApplication, MotionWatch, Outcome
 from stickslip_ros.nodes.gains.gain_intake import GainIntake
-from stickslip_ros.nodes.gains.motion_watch import MotionWatch
 from stickslip_ros.nodes.gains.ramp_journal import RampJournal, UnfinishedRamp
 from stickslip_ros.nodes.intake.arrivals import NeverExecuted
 from stickslip_ros.nodes.other_monitors import OtherMonitors
@@ -91,7 +90,7 @@ class RampService:
         ]
         self._begin: Begin | None = None
         self._answer: Answer | None = None
-        self._now = self._requested_at = 0.0
+        self._now, self._not_yet, self._requested_at = 0.0, "", 0.0
         self._queue: list[GainApplication] = []
         self._done: list[Outcome] = []
         self._name = ""
@@ -104,9 +103,14 @@ class RampService:
         """Whether a request is under way, so that samples have to be processed at once."""
         return self._answer is not None
 
-    def tick(self, now: float) -> None:
-        """Drain requests and continue the ramps; ``now`` is a steady time [s]."""
-        self._now = now
+    def tick(self, now: float, not_yet: str = "") -> None:
+        """Drain requests and continue the ramps.
+
+        Parameters
+        ----------
+        now : a steady time [s]. not_yet : why nothing can be judged yet, "" if it can.
+        """
+        self._now, self._not_yet = now, not_yet
         for service in self._services:
             service.take_all()
         if self._answer is not None and not self._queue:
@@ -159,6 +163,8 @@ class RampService:
     def _try_to_begin(self) -> None:
         assert self._begin is not None
         try:
+            if self._not_yet:
+                raise NotYetError(self._not_yet)
             self._queue = self._begin()
         except NotYetError as refused:
             if self._now - self._requested_at > _PATIENCE:
@@ -191,21 +197,11 @@ class Ramps(RampService):
         journal: RampJournal,
     ) -> None:
         super().__init__(node, {APPLY: self._to_the_advice, RESTORE: self._back})
-        self._node, self._joints, self._gains, self._not_yet = node, joints, gains, ""
+        self._node, self._joints, self._gains = node, joints, gains
         self._others, self._journal = others, journal
         if self._journal.trouble:
             node.get_logger().warning(self._journal.trouble)
         self._logged: set[str] = set()
-
-    def tick(self, now: float, not_yet: str = "") -> None:
-        """Drain requests and continue their ramps.
-
-        Parameters
-        ----------
-        now : a steady time [s]. not_yet : why nothing can be judged yet, "" if it can.
-        """
-        self._not_yet = not_yet
-        super().tick(now)
 
     @property
     def trouble(self) -> str:
@@ -246,8 +242,6 @@ class Ramps(RampService):
         return controller.remote if controller is not None else ""
 
     def _require_permission(self) -> None:
-        if self._not_yet:
-            raise NotYetError(self._not_yet)
         if not self._node.get_parameter("allow_apply").value:
             raise RefusedError("allow_apply is false; set it to true where gains may be written")
 
