@@ -18,8 +18,7 @@ from rclpy.timer import Timer
 
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.nodes import node_parameters
-from stickslip_ros.nodes.gains.ramp_journal import RampJournal
-from stickslip_ros.nodes.kept_state import state_path
+from stickslip_ros.nodes.kept_state import RampJournal, state_path
 from stickslip_ros.nodes.running import run
 from stickslip_ros.nodes.session import SHORTEST_TICK, Session
 from stickslip_ros.nodes.watched_joints import GainBounds

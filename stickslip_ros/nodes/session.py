@@ -23,17 +23,16 @@ from std_srvs.srv import Trigger
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.assessment import NOT_COMPUTED, as_seen
 from stickslip_ros.nodes import node_parameters
-from stickslip_ros.nodes.compiled_parts import CompiledParts
 from stickslip_ros.nodes.friction_feedforward import FrictionFeedforward
 from stickslip_ros.nodes.gains.gain_intake import GainIntake
-from stickslip_ros.nodes.gains.ramp_journal import RampJournal
 from stickslip_ros.nodes.gains.ramps import Ramps
 from stickslip_ros.nodes.intake.arrivals import Arrivals, reference_message_type
 from stickslip_ros.nodes.intake.inputs import Inputs
 from stickslip_ros.nodes.intake.refusals import Refusals
-from stickslip_ros.nodes.kept_state import StateKeeper
+from stickslip_ros.nodes.kept_state import RampJournal, StateKeeper
 from stickslip_ros.nodes.other_monitors import OtherMonitors
 from stickslip_ros.nodes.publications import Publications, recommended_compensation, stability_maps
+from stickslip_ros.nodes.running import CompiledParts
 from stickslip_ros.nodes.self_diagnosis import SelfDiagnosis
 from stickslip_ros.nodes.slow_work import AdviceWorker, ExactWorker, SlowWork, attend_study
 from stickslip_ros.nodes.watched_joints import (

@@ -30,8 +30,8 @@ from stickslip_ros.nodes.gains.gain_writer import (
     StoppedError,
     WithdrawnError,
 )
-from stickslip_ros.nodes.gains.ramp_journal import RampJournal, UnfinishedRamp
 from stickslip_ros.nodes.gains.remote_parameters import RemoteParameters
+from stickslip_ros.nodes.kept_state import RampJournal, UnfinishedRamp
 from stickslip_ros.nodes.watched_joints import WatchedJoint
 
 _LOG_EVERY = 1.0  # time between two lines on the gains of a ramp, s: a ramp of minutes fills no log

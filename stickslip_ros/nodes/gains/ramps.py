@@ -20,8 +20,8 @@ from stickslip_ros.errors import StickSlipError
 from stickslip_ros.messages.gain_parameters import GainPair
 from stickslip_ros.nodes.gains.gain_application import GainApplication, MotionWatch, Outcome
 from stickslip_ros.nodes.gains.gain_intake import GainIntake
-from stickslip_ros.nodes.gains.ramp_journal import RampJournal, UnfinishedRamp
 from stickslip_ros.nodes.intake.arrivals import NeverExecuted
+from stickslip_ros.nodes.kept_state import RampJournal, UnfinishedRamp
 from stickslip_ros.nodes.other_monitors import OtherMonitors
 from stickslip_ros.nodes.watched_joints import WatchedJoint
 
