@@ -227,37 +227,6 @@ class ArrivalTimes:
         return np.linspace(before, now, len(infos) + 1)[1:]
 
 
-class Backlog(Generic[Taken]):
-    """Drained messages in order; the oldest are dropped where they become too many. ``dropped`` counts them."""
-
-    def __init__(self) -> None:
-        self._waiting: deque[tuple[float, Taken, int, int]] = deque()
-        self._bytes = 0
-        self.dropped = 0
-
-    def add(self, now: float, taken: Taken, count: int, size: int) -> None:
-        """Add ``count`` messages of ``size`` bytes, drained at a steady time [s]."""
-        self._waiting.append((now, taken, count, size))
-        self._bytes += size
-        while self._bytes > _MOST_BYTES and len(self._waiting) > 1:
-            self.dropped += self._waiting[0][2]
-            self._bytes -= self._waiting.popleft()[3]
-
-    def pop_until(self, until: float) -> list[Taken]:
-        """The messages that were drained until a steady time [s]; they are removed."""
-        found = []
-        while self._waiting and self._waiting[0][0] <= until:
-            _, taken, _, size = self._waiting.popleft()
-            self._bytes -= size
-            found.append(taken)
-        return found
-
-    @property
-    def oldest(self) -> float:
-        """When the oldest messages were drained, a steady time [s]; infinite if none wait."""
-        return self._waiting[0][0] if self._waiting else math.inf
-
-
 class SequenceNumbers:
     """Sequence numbers of the publishers on one topic; ``lost`` counts messages that never came.
 
@@ -283,6 +252,75 @@ class SequenceNumbers:
             self._last = [*self._last[-_MOST_STREAMS + 1 :], number]
 
 
+class MotionTopic(Generic[Taken]):
+    """A topic of motion. What is drained waits until it is due; the oldest is dropped where it becomes too much.
+
+    Parameters
+    ----------
+    refuse : called with the reason why a message is refused.
+
+    ``messages`` : number of messages.
+    """
+
+    def __init__(
+        self, node: Node, message_type: type, topic: str, qos: QoSProfile, refuse: Refusals, *, raw: bool = False
+    ) -> None:
+        self._topic, self._refuse = topic, refuse
+        self.subscription = DrainedSubscription(node, message_type, topic, qos, raw=raw)
+        self._arrivals = ArrivalTimes(node)
+        # When they were drained, a steady time [s], what was drained, number of messages, and size [bytes].
+        self._backlog: deque[tuple[float, Taken, int, int]] = deque()
+        self._bytes = 0
+        self.messages = 0
+
+    @property
+    def waits_since(self) -> float:
+        """When the oldest waiting messages were drained, a steady time [s]; infinite if none wait."""
+        return self._backlog[0][0] if self._backlog else math.inf
+
+    def keep(self) -> None:
+        """Drain the messages that have arrived into the backlog; the middleware keeps no more than its queue holds."""
+        taken = self.subscription.take_all()
+        arrivals = self._arrivals.of([info for _, info in taken])
+        if not taken:
+            return
+        self.messages += len(taken)
+        drained, size = self._drained(taken, arrivals)
+        self._backlog.append((monotonic(), drained, len(taken), size))
+        self._bytes += size
+        dropped = 0
+        while self._bytes > _MOST_BYTES and len(self._backlog) > 1:
+            dropped += self._backlog[0][2]
+            self._bytes -= self._backlog.popleft()[3]
+        if dropped:
+            self._refuse_many("too many while the node compiled; the oldest were dropped", dropped)
+
+    def samples_until(self, until: float) -> dict[str, FloatArray]:
+        """Rows of time, position, velocity and perhaps effort of each joint, of messages until a steady time [s]."""
+        self.keep()
+        parts = []
+        while self._backlog and self._backlog[0][0] <= until:
+            _, drained, _, size = self._backlog.popleft()
+            self._bytes -= size
+            parts.append(self._rows(drained))
+        return joined(parts)
+
+    def _drained(self, taken: list[tuple[Any, dict[str, int]]], arrivals: FloatArray) -> tuple[Taken, int]:
+        """What is kept of messages with their arrival times [s], and its size [bytes]."""
+        raise NotImplementedError
+
+    def _rows(self, drained: Taken) -> dict[str, FloatArray]:
+        """Rows of each joint, of what was kept."""
+        raise NotImplementedError
+
+    def _refuse_many(self, reason: str, count: int) -> None:
+        self._refuse(f"{self._topic}: {reason[:_LONGEST_REASON]}", count)
+
+    def close(self) -> None:
+        """Close the subscription."""
+        self.subscription.close()
+
+
 @dataclass(frozen=True, kw_only=True)
 class _Drained:
     """Messages of one drain, their arrival times [s], and their sequence numbers, None where there are none."""
@@ -292,33 +330,25 @@ class _Drained:
     numbers: list[int] | None
 
 
-class JointStateTopic:
+class JointStateTopic(MotionTopic[_Drained]):
     """Subscription of JointStates, and the rows of each joint.
-
-    Parameters
-    ----------
-    refuse : called with the reason why a message is refused.
 
     Attributes
     ----------
-    messages : number of messages; waiting : largest number in a drain since the last :meth:`reset_figures`.
+    waiting : largest number of messages in a drain since the last :meth:`reset_figures`.
     oldest : arrival of the oldest message since then, in the system's time [s]; NaN if none came.
     contested : joints that several publishers move at once, which gives no single motion.
     contest : sentence with the names of the publishers then, "" otherwise.
     """
 
     def __init__(self, node: Node, topic: str, qos: QoSProfile, refuse: Refusals) -> None:
-        self._topic, self._refuse = topic, refuse
-        self.subscription = DrainedSubscription(node, JointState, topic, qos, raw=True)
+        super().__init__(node, JointState, topic, qos, refuse, raw=True)
         self._decoder = JointStateDecoder()
-        self._arrivals = ArrivalTimes(node)
         self._sequence = SequenceNumbers()
         self._scanned_at = 0.0
         self._last_number: dict[str, int] = {}
         self._steps_back: dict[str, int] = {}
-        self.backlog: Backlog[_Drained] = Backlog()
-        self.publishers = 0
-        self.messages = self.waiting = 0
+        self.publishers = self.waiting = 0
         self.oldest = np.nan
         self.contested: frozenset[str] = frozenset()
         self.contest = ""
@@ -333,13 +363,11 @@ class JointStateTopic:
         self.waiting, self.oldest = 0, np.nan
 
     def keep(self) -> None:
-        """Drain the messages that have arrived into the backlog; the middleware keeps no more than its queue holds."""
-        taken = self.subscription.take_all()
+        """See :class:`MotionTopic`; what is known of the publishers is renewed."""
         self._scan_graph()
-        arrivals = self._arrivals.of([info for _, info in taken])
-        if not taken:
-            return
-        self.messages += len(taken)
+        super().keep()
+
+    def _drained(self, taken: list[tuple[Any, dict[str, int]]], arrivals: FloatArray) -> tuple[_Drained, int]:
         self.waiting = max(self.waiting, len(taken))
         if not self.oldest <= self._arrivals.first:
             self.oldest = self._arrivals.first
@@ -348,16 +376,7 @@ class JointStateTopic:
         if numbered:
             self._sequence.add_numbers(numbers)
         block = Block.of_messages(((0, 0, data) for data, _ in taken), {})
-        drained = _Drained(messages=block, arrivals=arrivals, numbers=numbers if numbered else None)
-        self.backlog.add(monotonic(), drained, len(taken), len(block.buffer))
-        if self.backlog.dropped:
-            self._refuse_many("too many while the node compiled; the oldest were dropped", self.backlog.dropped)
-            self.backlog.dropped = 0
-
-    def samples_until(self, until: float) -> dict[str, FloatArray]:
-        """Rows of time, position, velocity and effort of each joint, of messages until a steady time [s]."""
-        self.keep()
-        return joined([self._rows(drained) for drained in self.backlog.pop_until(until)])
+        return _Drained(messages=block, arrivals=arrivals, numbers=numbers if numbered else None), len(block.buffer)
 
     def _rows(self, drained: _Drained) -> dict[str, FloatArray]:
         block = drained.messages
@@ -403,13 +422,6 @@ class JointStateTopic:
             if steps:
                 self._steps_back[name] = self._steps_back.get(name, 0) + steps
 
-    def _refuse_many(self, reason: str, count: int) -> None:
-        self._refuse(f"{self._topic}: {reason[:_LONGEST_REASON]}", count)
-
-    def close(self) -> None:
-        """Close the subscription."""
-        self.subscription.close()
-
 
 def joined(parts: list[dict[str, FloatArray]]) -> dict[str, FloatArray]:
     """Rows of each joint, joined from several drains in their order."""
@@ -444,52 +456,27 @@ def reference_message_type(name: str) -> type:
         raise StickSlipError(f"reference_type {name} needs the package control_msgs: {error}") from error
 
 
-class ControllerStateTopic:
-    """A topic of JointTrajectoryControllerState or MultiDOFStateStamped, which is decoded message by message.
+class ControllerStateTopic(MotionTopic[dict[str, FloatArray]]):
+    """A topic of JointTrajectoryControllerState or MultiDOFStateStamped, which is decoded message by message."""
 
-    ``messages`` : number of messages.
-    """
-
-    def __init__(self, node: Node, message_type: type, topic: str, qos: QoSProfile, refuse: Refusals) -> None:
-        self._topic, self._refuse = topic, refuse
-        self.subscription = DrainedSubscription(node, message_type, topic, qos)
-        self._arrivals = ArrivalTimes(node)
-        self.messages = 0
-        self.backlog: Backlog[dict[str, FloatArray]] = Backlog()
-
-    def samples_until(self, until: float) -> dict[str, FloatArray]:
-        """Rows of time, position and velocity of each joint, of messages until a steady time [s]."""
-        self.keep()
-        return joined(self.backlog.pop_until(until))
-
-    def keep(self) -> None:
-        """Drain the messages that have arrived into the backlog."""
-        taken = self.subscription.take_all()
-        self.messages += len(taken)
-        arrivals = self._arrivals.of([info for _, info in taken])
+    def _drained(
+        self, taken: list[tuple[Any, dict[str, int]]], arrivals: FloatArray
+    ) -> tuple[dict[str, FloatArray], int]:
         rows: dict[str, list[tuple[float, float, float]]] = {}
         for (message, _), arrival in zip(taken, arrivals.tolist(), strict=True):
-            self._process_message(message, arrival, rows)
-        if rows:
-            tables = {name: np.array(found) for name, found in rows.items()}
-            self.backlog.add(monotonic(), tables, len(taken), sum(table.nbytes for table in tables.values()))
+            try:
+                found = reference_rows(message)
+            except MessageError as error:
+                self._refuse(f"{self._topic}: {error}")
+                continue
+            time = with_time(seconds(message.header.stamp), arrival, self._arrivals.what, self._refuse_many)
+            for name, (position, velocity) in found.items():
+                rows.setdefault(name, []).append((time, position, velocity))
+        tables = {name: np.array(found) for name, found in rows.items()}
+        return tables, sum(table.nbytes for table in tables.values())
 
-    def _process_message(self, message: Any, arrival: float, rows: dict[str, list[tuple[float, float, float]]]) -> None:
-        try:
-            found = reference_rows(message)
-        except MessageError as error:
-            self._refuse(f"{self._topic}: {error}")
-            return
-        time = with_time(seconds(message.header.stamp), arrival, self._arrivals.what, self._refuse_many)
-        for name, (position, velocity) in found.items():
-            rows.setdefault(name, []).append((time, position, velocity))
-
-    def _refuse_many(self, reason: str, count: int) -> None:
-        self._refuse(f"{self._topic}: {reason}", count)
-
-    def close(self) -> None:
-        """Close the subscription."""
-        self.subscription.close()
+    def _rows(self, drained: dict[str, FloatArray]) -> dict[str, FloatArray]:
+        return drained
 
 
 class Arrivals:
@@ -557,4 +544,4 @@ class Arrivals:
     @property
     def _oldest(self) -> float:
         """Arrival of the oldest waiting message, a steady time [s]; infinite if none waits."""
-        return min(self.states.backlog.oldest, self._references.backlog.oldest)
+        return min(self.states.waits_since, self._references.waits_since)
