@@ -172,8 +172,6 @@ class Publications:
         joints: Mapping[str, Findings],
         reported: Iterable[str],
         assessed: Iterable[str],
-        *,
-        warn_margin: float,
     ) -> None:
         """Publish one message with the status of the node, if given, and of the reported joints.
 
@@ -182,6 +180,7 @@ class Publications:
         joints : findings on all joints. reported : names of joints to report now.
         assessed : names of joints whose findings may have changed since their last report.
         """
+        warn_margin = float(self._node.get_parameter("warn_margin").value)
         for name in assessed:
             one = joints.get(name)
             if one is None:

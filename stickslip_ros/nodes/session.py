@@ -165,13 +165,13 @@ class Reports:
         later = in_turn if len(self._joints) > FEW else []
         assessed = [name for name in reported if name not in later]
         self._assess(assessed, now)
-        self._publish_statuses(own, assessed, assessed)
+        self._publications.publish_statuses(own, self.findings, assessed, assessed)
         published()
         if later:
             again = self._processing.may_wait(later, period)
             assessed_later = [name for name in later if name not in again or name not in self.findings]
             self._assess(assessed_later, now)
-            self._publish_statuses(None, later, assessed_later)
+            self._publications.publish_statuses(None, self.findings, later, assessed_later)
             assessed = assessed + assessed_later
         for name in assessed:
             found = self.findings.get(name)
@@ -199,10 +199,6 @@ class Reports:
             except Exception:
                 self.findings.pop(name, None)
                 self._processing.restart_after_error(self._joints[name])
-
-    def _publish_statuses(self, own: Diagnosis | None, reported: Iterable[str], assessed: Iterable[str]) -> None:
-        warn_margin = float(self._node.get_parameter("warn_margin").value)
-        self._publications.publish_statuses(own, self.findings, reported, assessed, warn_margin=warn_margin)
 
     def _scan_for_changes(self, now: float) -> list[str]:
         """Joints that were processed since the last scan; their change tokens are updated.

@@ -55,30 +55,10 @@ _PACE_OVER = 0.2  # span over which the pace of a joint is measured, s: a count 
 _BEHIND = 0.1  # lag behind the expected position that is no surprise, s at the joint's pace
 _LOG_EVERY = 1.0  # time between two lines on a joint's gains, s: a ramp changes them many times a second
 _UNEVENTFUL = (Status.SMOOTH, Status.AT_REST)
-
-
-class GainBounds:
-    """The first limits of a joint that have an upper end, in the controller's units.
-
-    These limits hold as long as the node runs. Whoever can set parameters can request narrower limits or other advice,
-    but no gains outside the limits that the robot's owner configured are written.
-    """
-
-    def __init__(self) -> None:
-        self._first: dict[tuple[str, str], tuple[float, float]] = {}
-
-    def note(self, name: str, settings: JointSettings) -> None:
-        """Store a joint's limits, if they are the first."""
-        for which in RANGES:
-            limits = _limits(settings, which)
-            if math.isfinite(limits[1]):
-                self._first.setdefault((name, which), limits)
-
-    def of(self, name: str, settings: JointSettings, which: str) -> tuple[float, float]:
-        """Limits of gains that may be written, for one of :data:`RANGES`: the present limits within the first ones."""
-        now = _limits(settings, which)
-        first = self._first.get((name, which), now)
-        return max(now[0], first[0]), min(now[1], first[1])
+# The first limits that have an upper end, in the controller's units, by joint and one of RANGES. They hold as long as
+# the node runs: whoever can set parameters can request narrower limits or other advice, but no gains outside the
+# limits that the robot's owner configured are written.
+GainBounds = dict[tuple[str, str], tuple[float, float]]
 
 
 def _limits(settings: JointSettings, which: str) -> tuple[float, float]:
@@ -105,13 +85,13 @@ class WatchedJoint:
     trouble: str = ""
 
     def __post_init__(self) -> None:
-        self.configured_bounds.note(self.name, self.settings)
+        self._note_bounds()
 
     def follow(self, settings: JointSettings) -> None:
         """Apply other settings."""
         self.settings = settings
         self.monitor.joint, self.monitor.options = settings.joint, settings.options
-        self.configured_bounds.note(self.name, settings)
+        self._note_bounds()
 
     def restart(self) -> None:
         """Discard the motion, and samples that wait for their reference."""
@@ -119,8 +99,18 @@ class WatchedJoint:
         self.monitor.restart()
 
     def bounds(self, which: str) -> tuple[float, float]:
-        """Limits of gains that may be written, "stiffness_range" or "damping_range", in the controller's units."""
-        return self.configured_bounds.of(self.name, self.settings, which)
+        """Limits of gains that may be written, for one of :data:`RANGES`, in the controller's units: the present limits
+        within the first ones.
+        """
+        now = _limits(self.settings, which)
+        first = self.configured_bounds.get((self.name, which), now)
+        return max(now[0], first[0]), min(now[1], first[1])
+
+    def _note_bounds(self) -> None:
+        for which in RANGES:
+            limits = _limits(self.settings, which)
+            if math.isfinite(limits[1]):
+                self.configured_bounds.setdefault((self.name, which), limits)
 
     @cached_property
     def parameters(self) -> frozenset[str]:

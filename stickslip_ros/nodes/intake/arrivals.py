@@ -5,14 +5,15 @@
 rclpy's executor costs 60 to 190 µs a message however small the callback. Draining all waiting messages at once costs a
 tenth of that, and loses none as long as the queue holds a drain period's worth.
 
-The desired motion comes as JointStates, or as the states that a controller of control_msgs publishes.
+The desired motion comes as JointStates, or as the states that a controller of control_msgs publishes. Publishers on a
+topic are known by the names of their nodes.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from time import monotonic, time
@@ -21,7 +22,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.callback_groups import CallbackGroup
-from rclpy.node import Node
+from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
 from rclpy.topic_endpoint_info import TopicEndpointInfo
@@ -42,10 +43,12 @@ from stickslip_ros.messages.joint_states import (
     with_time,
     with_times,
 )
-from stickslip_ros.nodes.intake.publishers import NAMED, name_of
 from stickslip_ros.nodes.intake.refusals import Refusals
 from stickslip_ros.visible import listed
 
+NAMED = 3  # number of names in a sentence, 1: a longer list is not read
+SCAN_EVERY = 1.0  # time between two scans of the graph for missing publishers and nodes, s: each goes through all nodes
+_UNKNOWN = "_NODE_NAME_UNKNOWN_"  # name in the graph before the name of a node is known
 ARRIVAL = "arrival"
 _BY_THE_SYSTEM = "arrival by the system's clock (use_sim_time is true, and nothing is heard on /clock)"
 _MOST_AT_ONCE = 10_000  # number of messages in one drain, 1: more than any queue holds
@@ -55,7 +58,7 @@ _MOST_BYTES = 256e6  # size of a backlog, bytes: minutes of messages while the n
 Taken = TypeVar("Taken")
 _LONGEST_GAP = 5000  # gap in the sequence numbers, messages: after a larger one another publisher is assumed
 _MOST_STREAMS = 16  # number of publishers that are distinguished, 1: few topics have more than two
-_SCAN_EVERY = 0.5  # time between two counts of publishers, s: several publishers of a joint are reported within it
+_COUNT_EVERY = 0.5  # time between two counts of publishers, s: several publishers of a joint are reported within it
 _CONTESTED = 4  # steps back in a joint's sequence numbers between two scans, 1: a restart of its publisher makes one
 _LONGEST_REASON = 300  # length of a reason, characters: it may quote names from the graph
 STATES, REFERENCES = "joint_states", "joint_references"
@@ -394,7 +397,7 @@ class JointStateTopic(MotionTopic[_Drained]):
 
     def _scan_graph(self) -> None:
         now = monotonic()
-        if now - self._scanned_at < _SCAN_EVERY:
+        if now - self._scanned_at < _COUNT_EVERY:
             return
         self._scanned_at = now
         self.publishers = self.subscription.publishers
@@ -545,3 +548,40 @@ class Arrivals:
     def _oldest(self) -> float:
         """Arrival of the oldest waiting message, a steady time [s]; infinite if none waits."""
         return min(self.states.waits_since, self._references.waits_since)
+
+
+def is_named(publisher: TopicEndpointInfo) -> bool:
+    """Whether the name of its node is known yet."""
+    return _UNKNOWN not in publisher.node_name
+
+
+def names_of(publishers: Iterable[TopicEndpointInfo]) -> list[str]:
+    """Fully qualified names of their nodes, each once."""
+    return sorted({name_of(one) for one in publishers})
+
+
+def publishers_by_topic(node: Node, message_type: str) -> dict[str, list[str]]:
+    """Topics on which other nodes publish messages of a type, each with their fully qualified names.
+
+    A query of the graph by topic would apply the node's own remappings, which other nodes do not have.
+    """
+    found: dict[str, list[str]] = {}
+    for name, space in sorted(node.get_node_names_and_namespaces()):
+        full = f"{space.rstrip('/')}/{name}"
+        if full == node.get_fully_qualified_name():
+            continue
+        try:
+            topics = node.get_publisher_names_and_types_by_node(name, space)
+        except NodeNameNonExistentError:  # it has gone meanwhile
+            continue
+        for topic, kinds in topics:
+            if message_type in kinds:
+                found.setdefault(topic, []).append(full)
+    return found
+
+
+def name_of(publisher: TopicEndpointInfo) -> str:
+    """Fully qualified name of its node."""
+    if not is_named(publisher):
+        return "a node without a name"
+    return f"{publisher.node_namespace.rstrip('/')}/{publisher.node_name}"
