@@ -161,17 +161,13 @@ def joint_names(node: Node) -> tuple[str, ...]:
     names = list(node.get_parameter("joints").value)
     if names == [""]:
         return ()
-    if len(set(names)) < len(names) or not all(_can_be_a_name(name) for name in names):
+    if len(set(names)) < len(names) or not all(_JOINT_NAME.fullmatch(name) and visible(name) == name for name in names):
         raise InvalidParameterError(
             "joints",
             "[''], or different names of at most 128 visible characters without blanks, commas and dots",
             str(names)[:200],
         )
     return tuple(names)
-
-
-def _can_be_a_name(name: str) -> bool:
-    return _JOINT_NAME.fullmatch(name) is not None and visible(name) == name
 
 
 def _check_what_is_given(node: Node, changes: Changes | None) -> None:

@@ -15,6 +15,7 @@ from dataclasses import astuple, dataclass
 from time import monotonic
 from typing import Any, Generic, TypeVar
 
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher
@@ -22,11 +23,12 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import CompressedImage, JointState
 from std_msgs.msg import Float64MultiArray
 
-from stickslip_ros.model.friction import Gains
+from stickslip_ros.model.friction import Gains, steady_friction
 from stickslip_ros.monitoring.advice.compensations import CompensatedGains, CompensationQuestion, compensation_advice
+from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
-from stickslip_ros.nodes.conversion import friction_message, table
+from stickslip_ros.nodes.conversion import table
 from stickslip_ros.nodes.slow_work import Background, SlowWork
 from stickslip_ros.nodes.watched_joints import WORTH_CHANGING
 from stickslip_ros.output.diagnosis import (
@@ -211,7 +213,7 @@ class Publications:
         if _has_listeners(self._friction):
             now = {name: joints[name].assessment for name in reported if name in joints}
             if now:
-                self._friction.publish(friction_message(self._clock.now().to_msg(), now))
+                self._friction.publish(_friction_message(self._clock.now().to_msg(), now))
         if _has_listeners(self._margins):
             rows = array_of("d")
             for name in joints:
@@ -231,6 +233,20 @@ class Publications:
 def _has_listeners(publisher: LifecyclePublisher) -> bool:
     """Whether anybody would get a message that is published now."""
     return bool(publisher.get_subscription_count())
+
+
+def _friction_message(time: Time, assessments: Mapping[str, Assessment]) -> JointState:
+    """Friction of every joint at its speed, by the friction that its margin uses; NaN where none is known."""
+    message = JointState(name=list(assessments))
+    message.header.stamp = time
+    for assessment in assessments.values():
+        message.position.append(assessment.position)
+        message.velocity.append(assessment.mean_velocity)
+        joint, friction = assessment.joint, math.nan
+        if joint is not None and not assessment.per_inertia and math.isfinite(assessment.mean_velocity):
+            friction = float(steady_friction(joint.friction, assessment.mean_velocity))
+        message.effort.append(friction)
+    return message
 
 
 class WhileListened(Generic[Question, Answer]):

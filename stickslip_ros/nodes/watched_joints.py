@@ -32,7 +32,6 @@ from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import FloatArray, ReferencePairing
 from stickslip_ros.nodes import node_parameters
-from stickslip_ros.nodes.intake.refusals import Refusals
 from stickslip_ros.settings.parameter_table import COMMON, PER_JOINT
 from stickslip_ros.settings.parameters import JointSettings
 
@@ -168,7 +167,7 @@ class WatchedJoints(dict[str, WatchedJoint]):
         bounds: GainBounds,
         own_change: node_parameters.OwnChange,
         adviser: Callable[[str], Adviser],
-        refuse: Refusals,
+        refuse: Callable[[str], object],
     ) -> None:
         super().__init__()
         self._node, self._adviser, self._refuse = node, adviser, refuse

@@ -6,13 +6,13 @@ rclpy's executor costs 60 to 190 µs a message however small the callback. Drain
 tenth of that, and loses none as long as the queue holds a drain period's worth.
 
 The desired motion comes as JointStates, or as the states that a controller of control_msgs publishes. Publishers on a
-topic are known by the names of their nodes.
+topic are known by the names of their nodes. What is refused is counted for the diagnostics, and logged once.
 """
 
 from __future__ import annotations
 
 import math
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
@@ -43,12 +43,13 @@ from stickslip_ros.messages.joint_states import (
     with_time,
     with_times,
 )
-from stickslip_ros.nodes.intake.refusals import Refusals
 from stickslip_ros.visible import listed
 
 NAMED = 3  # number of names in a sentence, 1: a longer list is not read
 SCAN_EVERY = 1.0  # time between two scans of the graph for missing publishers and nodes, s: each goes through all nodes
 _UNKNOWN = "_NODE_NAME_UNKNOWN_"  # name in the graph before the name of a node is known
+_MOST_REASONS = 64  # number of reasons, 1: they may quote names from the graph, so their number is bounded
+_TOLD = 60.0  # time after a refusal for which the node's status is about it, s: an operator looks by then
 ARRIVAL = "arrival"
 _BY_THE_SYSTEM = "arrival by the system's clock (use_sim_time is true, and nothing is heard on /clock)"
 _MOST_AT_ONCE = 10_000  # number of messages in one drain, 1: more than any queue holds
@@ -70,6 +71,36 @@ REFERENCE_TYPES = {
 }
 _QUEUE = 5000  # depth of a queue, messages: five seconds at 1 kHz without a drain lose none
 _PENDING_PER_TICK = 5.0  # span of waiting messages that one tick processes, s: a tick stays short
+
+
+class Refusals:
+    """Reasons and how often each occurred; their number is bounded.
+
+    Parameters
+    ----------
+    warn : writes to the log. clock : steady [s].
+    """
+
+    def __init__(self, warn: Callable[[str], None], clock: Callable[[], float] = monotonic) -> None:
+        self._warn, self._clock = warn, clock
+        self.counts: Counter[str] = Counter()
+        self._times: dict[str, float] = {}  # of the last of each [s]
+
+    def __call__(self, reason: str, count: int = 1) -> None:
+        """Count a refusal."""
+        if reason not in self.counts:
+            if len(self.counts) >= _MOST_REASONS:
+                reason = "more reasons than are kept"
+            if reason not in self.counts:
+                self._warn(f"refused: {reason}")
+        self.counts[reason] += count
+        self._times[reason] = self._clock()
+
+    @property
+    def latest(self) -> str:
+        """Of the last minute's reasons the one that occurred first most recently, "" if there is none."""
+        begin = self._clock() - _TOLD
+        return next((reason for reason, time in reversed(self._times.items()) if time > begin), "")
 
 
 class NeverExecuted(CallbackGroup):

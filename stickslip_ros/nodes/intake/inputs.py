@@ -68,8 +68,8 @@ class UnknownParameters:
     def __init__(self, node: Node, arguments: Sequence[str] | None = None) -> None:
         self._node = node
         given = sys.argv if arguments is None else arguments
-        self._sections, repeated = _given_sections(given)
-        self._in_files = [*misnamed_sections(self._sections, node.get_fully_qualified_name()), *repeated]
+        self._sections, duplicate_keys = _given_sections(given)
+        self._in_files = [*misnamed_sections(self._sections, node.get_fully_qualified_name()), *duplicate_keys]
         self._logged: set[str] = set()
         self._unheard: set[str] = set()  # joints of unknown parameters, "" for none
         self._began = math.nan
@@ -144,7 +144,7 @@ def _given_sections(arguments: Sequence[str]) -> tuple[list[FileSection], list[s
     twice in a file: one value counts, and the other is lost.
     """
     sections: list[FileSection] = []
-    repeated = []
+    duplicate_keys = []
     for option, value in _given(arguments):
         node, colon, parameter = value.partition(":=")[0].rpartition(":")
         if option in ("-p", "--param") and colon:
@@ -156,8 +156,8 @@ def _given_sections(arguments: Sequence[str]) -> tuple[list[FileSection], list[s
                 try:
                     read_yaml(Path(value), unique=True)
                 except ValueError as error:
-                    repeated.append(f"parameter file {value}: {reason(error)}")
-    return sections, repeated
+                    duplicate_keys.append(f"parameter file {value}: {reason(error)}")
+    return sections, duplicate_keys
 
 
 class PublishedTypes:
