@@ -18,6 +18,7 @@ from stickslip_ros.monitoring.assessment import MonitorOptions
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.output.diagnosis import Level, joint_diagnostic
+from stickslip_ros.output.published import Findings
 from stickslip_ros.settings.known_joints import load_joint
 
 UNKNOWN = ExactVerdict(smooth=None)
@@ -34,7 +35,7 @@ def test_a_joint_that_sticks_in_spite_of_its_margin(puma: Joint) -> None:
     state = monitor.assessment()
     assert state.recommendation is not None
     assert state.recommendation.keep
-    status = joint_diagnostic("a", state, UNKNOWN, UNKNOWN, warn_margin=0.1, silent_for=None)
+    status = joint_diagnostic("a", Findings(assessment=state, exact=UNKNOWN), 0.1)
     assert status.level is Level.ERROR
     assert status.message == (
         "stick_slip; its gains have the wanted reserve by the friction estimate, which is therefore wrong"
@@ -48,7 +49,7 @@ def test_no_sentence_has_an_infinite_duration(silent_for: float | None, configur
     known = load_joint("puma560_joint1")
     monitor = JointMonitor(known.joint, known.gains) if configured else JointMonitor()
     state = monitor.assessment()
-    status = joint_diagnostic("a", state, UNKNOWN, UNKNOWN, warn_margin=0.1, silent_for=silent_for)
+    status = joint_diagnostic("a", Findings(assessment=state, exact=UNKNOWN, silent_for=silent_for), 0.1)
     assert not re.search(r"\b(inf|nan)\b", status.message), status.message
     if silent_for == math.inf:
         assert status.message == "no data yet"
@@ -68,9 +69,8 @@ def test_a_silent_monitor_in_words() -> None:
 def test_what_is_missing_is_in_the_line_of_the_joint() -> None:
     """Issue 15: the reason stands behind whatever else is said, and the joint is not called well."""
     state = JointMonitor().assessment()
-    status = joint_diagnostic(
-        "a", state, UNKNOWN, UNKNOWN, warn_margin=0.1, silent_for=None, missing="gains not known: waiting for /b"
-    )
+    found = Findings(assessment=state, exact=UNKNOWN, missing="gains not known: waiting for /b")
+    status = joint_diagnostic("a", found, 0.1)
     assert status.message.endswith("; gains not known: waiting for /b")
     assert dict(status.values)["missing"] == "gains not known: waiting for /b"
     assert status.level >= 1

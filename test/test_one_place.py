@@ -21,13 +21,13 @@ PLACES = {
     r"\byaml\.(safe_load|load|SafeLoader|CSafeLoader)\b": {"regular_files.py"},
     r"\b(ZstdDecompressor|LZ4FrameDecompressor|lz4\.frame\.decompress)\b": {
         "bags/storage/unpacking.py",
-        "bags/storage/bag_file.py",
+        "bags/storage/formats.py",
         "bags/storage/system_zstd.py",  # the same names by the system's library
     },
     r"file=sys\.stderr": {"cli/terminal.py", "cli/main.py", "nodes/running.py"},
     r"print\(json\.dumps": set(),
     r"\bnp\.load\(": {"bags/table_files.py"},
-    r"\btempfile\b": {"bags/storage/bag_file.py", "compilation.py", "cli/demo.py", "cli/processes.py"},
+    r"\btempfile\b": {"bags/storage/formats.py", "compilation.py", "cli/demo.py", "cli/processes.py"},
 }
 
 
@@ -62,7 +62,7 @@ WORDS = {
 DONE = (
     "model", "messages", "monitoring", "monitoring/detection", "monitoring/friction", "monitoring/advice", "bags",
     "bags/storage", "analysis", "analysis/report", "output", "settings", "cli", "", "nodes", "nodes/gains",
-    "nodes/intake", "nodes/joints", "nodes/state",
+    "nodes/intake",
 )  # fmt: skip
 
 

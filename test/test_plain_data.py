@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from stickslip_ros.nodes.state.plain_data import _is_array, from_plain, to_plain
+from stickslip_ros.nodes.kept_state import _is_array, from_plain, to_plain
 
 FloatArray = NDArray[np.float64]
 

@@ -24,7 +24,7 @@ from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.output import published
 from stickslip_ros.output.diagnosis import cycle_diagnostic, joint_diagnostic
-from stickslip_ros.output.published import MARGIN_FIELDS, SECTIONS, Published, Section, margin_row
+from stickslip_ros.output.published import MARGIN_FIELDS, SECTIONS, Findings, Published, Section, margin_row
 
 KNOWN = ExactVerdict(
     smooth=False,
@@ -77,7 +77,7 @@ def with_a_row_more(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
 def test_every_row_is_in_the_diagnostics(state: Assessment, monkeypatch: pytest.MonkeyPatch) -> None:
     """A row added to a section is published with its unit, without a change elsewhere."""
     names = with_a_row_more(monkeypatch)
-    diagnosis = joint_diagnostic("a", state, KNOWN, KNOWN, warn_margin=0.1, silent_for=None)
+    diagnosis = joint_diagnostic("a", Findings(assessment=state, exact=KNOWN, trial=KNOWN), 0.1)
     assert state.last_cycle is not None
     keys = [key for key, _ in (*diagnosis.values, *cycle_diagnostic("a", state.last_cycle).values)]
     for name, new in names.items():
@@ -119,12 +119,7 @@ def test_the_places_of_the_margin_table(state: Assessment) -> None:
         "trial_damping_ratio", "trial_critical_damping_ratio", "trial_exact_smooth", "exact_steady_damping_ratio",
         "reversal_standing", "reversal_peak_error", "exact_damping_reserve",
     )  # fmt: skip
-    numbers = dict(zip(MARGIN_FIELDS, margin_row(state, KNOWN, KNOWN), strict=True))
+    numbers = dict(zip(MARGIN_FIELDS, margin_row(Findings(assessment=state, exact=KNOWN, trial=KNOWN)), strict=True))
     assert numbers["stiffness"] == 100.0
     assert numbers["exact_smooth"] == 0.0
     assert np.isfinite(list(numbers.values())).all(), numbers
-
-
-def test_every_section_is_listed() -> None:
-    """`SECTIONS` is all of them, so that no field of the margin table is forgotten."""
-    assert {id(found) for found in vars(published).values() if isinstance(found, Section)} == set(map(id, SECTIONS))

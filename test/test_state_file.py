@@ -13,8 +13,7 @@ import pytest
 from stickslip_ros.monitoring.friction.change import FrictionChange, ParameterDifference
 from stickslip_ros.monitoring.friction.learner import LearnerMemory
 from stickslip_ros.monitoring.joint_monitor import JointMemory
-from stickslip_ros.nodes.state.plain_data import NewerVersionError
-from stickslip_ros.nodes.state.state_file import StateFileError, as_text, read_state, write_state
+from stickslip_ros.nodes.kept_state import NewerVersionError, StateFileError, as_text, read_state, write_state
 from stickslip_ros.output.wording import friction_change_text
 
 AT = "friction changed abruptly at 35.9 s"

@@ -29,7 +29,7 @@ from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.monitoring.uncertainty import Uncertainty
 from stickslip_ros.output.as_json import dry_friction_json, growth_json, recommendation_json
 from stickslip_ros.output.diagnosis import Diagnosis, cycle_diagnostic, joint_diagnostic
-from stickslip_ros.output.published import MARGIN_FIELDS, margin_row, numbers_or_null
+from stickslip_ros.output.published import MARGIN_FIELDS, Findings, margin_row, numbers_or_null
 from tools.model_answers import KNOWN, SEED, Answer, plain, with_contact
 from tools.recording_answers import VARYING, two_speeds_recording, varying_recording
 
@@ -225,10 +225,9 @@ def _published(monitor: JointMonitor, silent_for: float | None) -> Answer:
     exact = exact_of(state, state.margin_gains)
     trial = exact_of(state, state.trial if state.gains_known else None)
     here = None if state.here is None else exact_of(state, state.margin_gains, state.here)
-    status = joint_diagnostic(
-        "joint1", state, exact, trial, warn_margin=monitor.options.warn_margin, silent_for=silent_for, here=here
-    )
-    return _diagnosis(status) | {"margins": dict(zip(MARGIN_FIELDS, margin_row(state, exact, trial), strict=True))}
+    found = Findings(assessment=state, exact=exact, trial=trial, here=here, silent_for=silent_for)
+    status = joint_diagnostic("joint1", found, monitor.options.warn_margin)
+    return _diagnosis(status) | {"margins": dict(zip(MARGIN_FIELDS, margin_row(found), strict=True))}
 
 
 def _diagnosis(found: Diagnosis) -> Answer:

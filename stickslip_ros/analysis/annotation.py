@@ -5,9 +5,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -16,14 +15,20 @@ from stickslip_ros.bags.writing import BagWriter
 from stickslip_ros.model.verdict import ExactVerdict
 from stickslip_ros.monitoring.assessment import NOT_COMPUTED, Assessment, ExactQuestion, as_seen
 from stickslip_ros.monitoring.detection.cycles import Cycle
-from stickslip_ros.output.diagnosis import Diagnosis, cycle_diagnostic, joint_diagnostic
-from stickslip_ros.output.published import MARGIN_FIELDS, margin_row
+from stickslip_ros.output.diagnosis import (
+    Diagnosis,
+    cycle_diagnostic,
+    diagnostic_array_bytes,
+    joint_diagnostic,
+    status_bytes,
+)
+from stickslip_ros.output.published import MARGIN_FIELDS, Findings, margin_row
 
 DIAGNOSTICS, CYCLES, MARGINS = "/diagnostics", "/stickslip_monitor/cycles", "/stickslip_monitor/margins"
 _ARRAY = "diagnostic_msgs/msg/DiagnosticArray"
 
 
-class Annotation:
+class Annotation(BagWriter):
     """Writes what a node would have published, at every piece of the recording; use as a context, and as a watcher.
 
     Parameters
@@ -32,16 +37,9 @@ class Annotation:
     """
 
     def __init__(self, path: Path, warn_margin: float) -> None:
-        self._writer = BagWriter(path, {DIAGNOSTICS: _ARRAY, CYCLES: _ARRAY, MARGINS: "std_msgs/msg/Float64MultiArray"})
+        super().__init__(path, {DIAGNOSTICS: _ARRAY, CYCLES: _ARRAY, MARGINS: "std_msgs/msg/Float64MultiArray"})
         self._warn_margin = warn_margin
         self._verdicts: dict[str, tuple[ExactQuestion, ExactVerdict]] = {}
-
-    def __enter__(self) -> Annotation:
-        self._writer.__enter__()
-        return self
-
-    def __exit__(self, *raised: Any) -> None:
-        self._writer.__exit__(*raised)
 
     def __call__(self, joints: dict[str, JointAnalyzer], found: dict[str, list[Cycle]], clock: float) -> None:
         """Write the cycles found and the state of every joint after a piece."""
@@ -50,23 +48,20 @@ class Annotation:
             ((cycle, name) for name, some in found.items() for cycle in some), key=lambda one: one[0].arrest
         )
         for cycle, name in cycles:
-            self._write(CYCLES, self._array(cycle.arrest, [cycle_diagnostic(name, cycle)]), cycle.arrest + offset)
+            self._write_diagnoses(CYCLES, cycle.arrest, offset, [cycle_diagnostic(name, cycle)])
         states = {name: joint.monitor.assessment() for name, joint in joints.items()}
         time = max((state.time for state in states.values() if math.isfinite(state.time)), default=math.nan)
         if not math.isfinite(time):
             return
-        diagnoses: list[Diagnosis] = []
-        rows: list[list[float]] = []
-        for name, state in states.items():
-            exact = self._exact(name, state, joints[name])
-            diagnoses.append(
-                joint_diagnostic(name, state, exact, NOT_COMPUTED, warn_margin=self._warn_margin, silent_for=None)
-            )
-            rows.append(margin_row(state, exact, NOT_COMPUTED))
-        self._write(DIAGNOSTICS, self._array(time, diagnoses), time + offset)
-        self._write(
-            MARGINS, self._writer.table(",".join(states), ",".join(MARGIN_FIELDS), np.array(rows)), time + offset
-        )
+        known = {
+            name: Findings(assessment=state, exact=self._exact(name, state, joints[name]))
+            for name, state in states.items()
+        }
+        diagnoses = [joint_diagnostic(name, one, self._warn_margin) for name, one in known.items()]
+        self._write_diagnoses(DIAGNOSTICS, time, offset, diagnoses)
+        rows = np.array([margin_row(one) for one in known.values()])
+        table = self.table(",".join(states), ",".join(MARGIN_FIELDS), rows)
+        self.write([self.serialized(_recorded(time + offset), MARGINS, table)])
 
     def _exact(self, name: str, state: Assessment, joint: JointAnalyzer) -> ExactVerdict:
         """The verdict by integration, worked out again where the question is another."""
@@ -78,21 +73,11 @@ class Annotation:
             known = self._verdicts[name] = (question, question.verdict())
         return as_seen(known[1], state.finding.status)
 
-    def _array(self, time: float, diagnoses: list[Diagnosis]) -> Any:
-        make: Callable[..., Any] = self._writer.message
-        statuses = [
-            make(
-                "diagnostic_msgs/msg/DiagnosticStatus",
-                level=int(one.level),
-                name=one.name,
-                message=one.message,
-                hardware_id=one.hardware_id,
-                values=[make("diagnostic_msgs/msg/KeyValue", key=key, value=value) for key, value in one.values],
-            )
-            for one in diagnoses
-        ]
-        return make(_ARRAY, header=self._writer.header(time), status=statuses)
+    def _write_diagnoses(self, topic: str, time: float, offset: float, diagnoses: Iterable[Diagnosis]) -> None:
+        data = diagnostic_array_bytes(round(time * 1e9), [status_bytes(one) for one in diagnoses])
+        self.write([(_recorded(time + offset), topic, data)])
 
-    def _write(self, topic: str, message: Any, time: float) -> None:
-        # Where stamps jump, stamp and clock may be of different pieces; a time of recording has no sign.
-        self._writer.write([self._writer.serialized(max(round(time * 1e9), 0), topic, message)])
+
+def _recorded(time: float) -> int:
+    """Time of recording [ns]: where stamps jump, stamp and clock may be of different pieces; it has no sign."""
+    return max(round(time * 1e9), 0)

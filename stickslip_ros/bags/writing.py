@@ -115,14 +115,6 @@ class BagWriter:
         """An object of a type, e.g. ``message("std_msgs/msg/String", data="")``."""
         return self._store.types[kind](**fields)
 
-    def header(self, time: float) -> Any:
-        """A header with a stamp [s]."""
-        nanoseconds = round(time * 1e9)
-        stamp = self.message(
-            "builtin_interfaces/msg/Time", sec=nanoseconds // 1_000_000_000, nanosec=nanoseconds % 1_000_000_000
-        )
-        return self.message("std_msgs/msg/Header", stamp=stamp, frame_id="")
-
     def table(self, rows: str, columns: str, values: FloatArray) -> Any:
         """A Float64MultiArray of labelled rows and columns, values of shape (rows, columns)."""
         kind = "std_msgs/msg/MultiArray"

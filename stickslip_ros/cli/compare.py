@@ -35,7 +35,7 @@ from stickslip_ros.analysis.report.comparison_page import write_comparison_page
 from stickslip_ros.bags.table import RecordingError
 from stickslip_ros.cli.bag_options import GAINS_FORM, add_bag_arguments, analysis_options, check_named_joints
 from stickslip_ros.cli.options import PAGE, add_json, add_option, add_repeated, refuse_inputs
-from stickslip_ros.cli.terminal import COLOURS, console_of_tables, print_warning, progress_bar, status_text
+from stickslip_ros.cli.terminal import COLOURS, console_of_tables, new_table, print_warning, progress_bar, status_text
 from stickslip_ros.output.as_json import json_text
 from stickslip_ros.visible import visible
 
@@ -105,10 +105,8 @@ def print_joints(console: Console, joints: Sequence[JointComparison]) -> None:
 
 
 def _table(joint: JointComparison) -> Table:
-    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
-    table.add_column(f"[bold]{escape(visible(joint.name))}[/]", no_wrap=True)
-    table.add_column("before", justify="right", no_wrap=True)
-    table.add_column("after", justify="right", no_wrap=True)
+    table = new_table(("", "before", "after"), padding=(0, 2, 0, 0), pad_edge=False)
+    table.columns[0].header = f"[bold]{escape(visible(joint.name))}[/]"
     table.add_column("", overflow="fold")
     for row in rows(joint):
         values = (status_text(one) if row.is_status else one for one in (row.before, row.after))

@@ -29,7 +29,7 @@ from stickslip_ros.analysis.comparison import compare_joints
 from stickslip_ros.analysis.joint_analysis import JointAnalysis, JointAnalyzer
 from stickslip_ros.bags.table import find_recording, load_recording
 from stickslip_ros.cli.compare import print_joints
-from stickslip_ros.cli.options import DRAWING, add_flag, add_number, refuse_given
+from stickslip_ros.cli.options import DRAWING, add_flag, add_number, add_option, refuse_given
 from stickslip_ros.cli.processes import NodeProcess, isolate
 from stickslip_ros.cli.terminal import console_of_text
 from stickslip_ros.cli.warm_up import compile_and_say
@@ -71,20 +71,12 @@ _LEFT = 0.7  # of the error at a reversal: less is a help
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument(
-        "--out", type=DRAWING, default="stickslip_demo.png", metavar="FILE",
-        help="where to save the picture: .png, .svg or .pdf (default: %(default)s)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--recording",
-        metavar="NAME",
-        help="replay a recorded joint instead: a table (.csv, .parquet, .npz), or the beginning of a known one's name",
-    )
-    add_flag(
-        parser,
-        "--compensation",
-        "show what compensating the friction does and does not: stick-slip, reversals, too much of it",
-    )
+    drawn = "where to save the picture: .png, .svg or .pdf"
+    add_option(parser, "--out", "FILE", drawn, "stickslip_demo.png", type=DRAWING)
+    replayed = "replay a recorded joint instead: a table (.csv, .parquet, .npz), or the beginning of a known one's name"
+    add_option(parser, "--recording", "NAME", replayed)
+    compensated = "show what compensating the friction does and does not: stick-slip, reversals, too much of it"
+    add_flag(parser, "--compensation", compensated)
     add_number(parser, "--speed", "X", "recorded seconds a second (default: so that it takes half a minute)")
 
 

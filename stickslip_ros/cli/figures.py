@@ -147,11 +147,11 @@ def _circle(groups: DimensionlessGroups) -> Curve:
     )
 
 
-def _slip_panel(groups: DimensionlessGroups, title: str, curves: list[Curve]) -> Panel:
+def _slip_panel(groups: DimensionlessGroups, title: str, colour: str) -> Panel:
     return Panel(
         x_label="position  $\\xi$  (relative to steady motion)  [1]",
         y_label="velocity  $\\dot x/\\dot x_s$  [1]",
-        curves=(_circle(groups), *curves),
+        curves=(_circle(groups), *_slip_curves(groups, colour)),
         title=title,
         legend="upper left",
         equal=True,
@@ -164,7 +164,7 @@ def _figure_5(joint: Joint) -> Drawn:
     for stribeck, words in ((float(own.stribeck), "joint 1"), (11.4, "the print's caption")):
         groups = replace(own, stribeck=stribeck)
         title = f"$F^*_{{s\\infty}}$ = {stribeck:.3g} ({words})"
-        panels.append(_slip_panel(groups, title, _slip_curves(groups, BLUE)))
+        panels.append(_slip_panel(groups, title, BLUE))
     return (
         "A slip in the phase plane, and the circle it would be without friction's work",
         (
@@ -185,8 +185,8 @@ def _figure_6(joint: Joint) -> Drawn:
             "Without lag friction is back at its full level when the joint stops."
         ),
         (
-            _slip_panel(own, f"with the joint's lag, τ* = {float(own.lag):.3g}", _slip_curves(own, BLUE)),
-            _slip_panel(without, "without lag, τ* = 0", _slip_curves(without, ORANGE)),
+            _slip_panel(own, f"with the joint's lag, τ* = {float(own.lag):.3g}", BLUE),
+            _slip_panel(without, "without lag, τ* = 0", ORANGE),
         ),
     )
 

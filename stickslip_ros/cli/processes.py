@@ -11,7 +11,6 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from typing import BinaryIO
 
 from stickslip_ros.parent_death import die_with_parent
 
@@ -67,14 +66,10 @@ class NodeProcess:
             arguments += ["--params-file", str(params_file)]
         target = [module] if module.endswith(".py") else ["-m", "stickslip_ros.nodes", module]
         self._log = tempfile.TemporaryFile()  # noqa: SIM115
-        self._process = self._begin([sys.executable, *target, "--ros-args", *arguments], self._log)
-
-    @staticmethod
-    def _begin(command: list[str], log: BinaryIO) -> subprocess.Popen[bytes]:
         # A session of its own, so that Ctrl-C reaches the command first, which then ends its nodes in order.
-        return subprocess.Popen(
-            command, stdout=log, stderr=subprocess.STDOUT, start_new_session=True,
-            preexec_fn=_begin if command[1] == "-m" else die_with_parent,
+        self._process = subprocess.Popen(
+            [sys.executable, *target, "--ros-args", *arguments], stdout=self._log, stderr=subprocess.STDOUT,
+            start_new_session=True, preexec_fn=_begin if target[0] == "-m" else die_with_parent,
         )  # fmt: skip
 
     def __enter__(self) -> NodeProcess:

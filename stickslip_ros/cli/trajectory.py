@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -180,29 +181,28 @@ def _along_cubics(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Pieces are halved until the effort in their middle is that between their ends."""
     largest = max(float(np.abs(efforts(velocities)).max()), float(np.abs(efforts(np.gradient(positions, times))).max()))
+    from scipy.interpolate import CubicHermiteSpline
+
+    cubic = CubicHermiteSpline(times, positions, velocities)
+    speed = cubic.derivative()
     found = []
 
-    def at(index: int, time: float) -> tuple[float, float, float, float]:
-        """Time, position, velocity and effort on the cubic that begins at a given point."""
-        width = times[index + 1] - times[index]
-        s = (time - times[index]) / width
-        (x0, x1), (v0, v1) = positions[index : index + 2], width * velocities[index : index + 2]
-        bend, twist = 3.0 * (x1 - x0) - 2.0 * v0 - v1, v0 + v1 - 2.0 * (x1 - x0)
-        velocity = (v0 + s * (2.0 * bend + s * 3.0 * twist)) / width
-        position = x0 + s * (v0 + s * (bend + s * twist))
-        return time, position, velocity, float(efforts(np.array([velocity]))[0])
+    def at(time: float) -> tuple[float, float, float, float]:
+        """Time, position, velocity and effort."""
+        velocity = float(speed(time))
+        return time, float(cubic(time)), velocity, float(efforts(np.array([velocity]))[0])
 
-    for index in range(len(times) - 1):
-        pieces = [(at(index, float(times[index])), at(index, float(times[index + 1])))]
+    for begin, end in pairwise(times.tolist()):
+        pieces = [(at(begin), at(end))]
         while pieces:
             first, last = pieces.pop()
-            middle = at(index, 0.5 * (first[0] + last[0]))
+            middle = at(0.5 * (first[0] + last[0]))
             wrong = abs(middle[3] - 0.5 * (first[3] + last[3])) > _CLOSE * largest
             if wrong and last[0] - first[0] > _QUICKEST:
                 pieces += [(middle, last), (first, middle)]
             else:
                 found.append(first)
-    found.append(at(len(times) - 2, float(times[-1])))
+    found.append(at(float(times[-1])))
     time, position, velocity, effort = np.array(found).T
     return time, position, velocity, effort
 

@@ -46,12 +46,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add_flag(parser, "--browser", "serve a live page instead, with sliders to try other gains")
     add_option(parser, "--port", "N", "port of the page", _OF_PAGE["port"], type=int)
-    parser.add_argument(
-        "--address",
-        metavar="IP",
-        default=_OF_PAGE["address"],
-        help="address that the page is served at (default: %(default)s, for this machine only)",
-    )
+    served = f"address that the page is served at (default: {_OF_PAGE['address']}, for this machine only)"
+    parser.add_argument("--address", metavar="IP", default=_OF_PAGE["address"], help=served)
     add_flag(parser, "--once", "print one view and end; also done when the output is a pipe")
     add_number(parser, "--seconds", "S", "seconds of motion to show", _OF_TERMINAL["seconds"])
     add_number(parser, "--patience", "S", "how long to wait for a monitor before giving up", _OF_TERMINAL["patience"])

@@ -20,8 +20,9 @@ from stickslip_ros.model.bounds import LARGEST
 from stickslip_ros.model.friction import Friction, steady_friction
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.samples import FloatArray
-from stickslip_ros.nodes.joints.watched_joints import WatchedJoint, WatchedJoints
-from stickslip_ros.nodes.publications import Findings, quiet_publisher
+from stickslip_ros.nodes.publications import quiet_publisher
+from stickslip_ros.nodes.watched_joints import WatchedJoint, WatchedJoints
+from stickslip_ros.output.published import Findings
 from stickslip_ros.settings.parameters import Feedforward
 
 _SILENT = 0.1  # time without a reference, s: references come at 10 Hz at least

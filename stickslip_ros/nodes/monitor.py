@@ -17,13 +17,11 @@ from rclpy.parameter import Parameter
 from rclpy.timer import Timer
 
 from stickslip_ros.errors import StickSlipError
-from stickslip_ros.nodes import monitor_parameters
-from stickslip_ros.nodes.gains.ramp_journal import RampJournal
-from stickslip_ros.nodes.joints.joint_parameters import OwnChange
-from stickslip_ros.nodes.joints.watched_joints import GainBounds
-from stickslip_ros.nodes.parameter_answers import follow_by, refuse_by
+from stickslip_ros.nodes import node_parameters
+from stickslip_ros.nodes.kept_state import RampJournal, state_path
 from stickslip_ros.nodes.running import run
 from stickslip_ros.nodes.session import SHORTEST_TICK, Session
+from stickslip_ros.nodes.watched_joints import GainBounds
 
 RCLError = rclpy_implementation.RCLError
 
@@ -41,15 +39,15 @@ class Monitor(LifecycleNode):
         super().__init__("stickslip_monitor")
         self._session: Session | None = None
         self._timer: Timer | None = None
-        self._bounds, self._own_change = GainBounds(), OwnChange()
+        self._bounds, self._own_change = GainBounds(), node_parameters.OwnChange()
         # A ramp that was cut off outlasts the session, as the gains do that it left.
         self._journal: RampJournal | None = None
         self.failure: Exception | None = None
-        monitor_parameters.declare(self)
-        monitor_parameters.check(self)
+        node_parameters.declare(self)
+        node_parameters.check(self)
         self._answer_impossible_transitions()
-        refuse_by(self, self._check_parameters)
-        follow_by(self, self._apply_parameters)
+        node_parameters.refuse_by(self, self._check_parameters)
+        node_parameters.follow_by(self, self._apply_parameters)
 
     def start(self) -> None:
         """Configure and activate, as `autostart` asks for.
@@ -82,7 +80,7 @@ class Monitor(LifecycleNode):
         """Create the session: joints, topics and services."""
 
         def configure() -> None:
-            path = monitor_parameters.state_path(self)
+            path = state_path(self)
             if self._journal is None:
                 self._journal = RampJournal.beside(path)
             self._session = Session(self, self._bounds, self._own_change, path, self._journal)
@@ -179,7 +177,7 @@ class Monitor(LifecycleNode):
                 raise StickSlipError(
                     f"{name} is the monitor's advice and cannot be set; set the controller's gains instead"
                 )
-        monitor_parameters.check(self, changes)
+        node_parameters.check(self, changes)
         if self._session is not None:
             self._session.joints.check(changes)
 
@@ -199,7 +197,3 @@ def _create() -> Monitor:
 def main(args: list[str] | None = None) -> int:
     """Run the node until it is interrupted."""
     return run(_create, args, persevere=True)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -2,20 +2,16 @@
 # Copyright 2026 The stickslip_ros developers
 """What the node publishes and logs of its joints: diagnostics, margins, cycles, friction, advice.
 
-Diagnoses become the bytes of a DiagnosticArray here, because rclpy takes several times as long. The encoding is CDR
-(OMG, Common Data Representation), little-endian, as every ROS 2 middleware reads it. `~/stability_map` and
-`~/recommended_compensation`, which take a second to compute, are latched: each is computed only while somebody listens,
-and again on change.
+`~/stability_map` and `~/recommended_compensation`, which take a second to compute, are latched: each is computed only
+while somebody listens, and again on change.
 """
 
 from __future__ import annotations
 
 import math
-import struct
 from array import array as array_of
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import astuple, dataclass
-from functools import lru_cache
 from time import monotonic
 from typing import Any, Generic, TypeVar
 
@@ -27,35 +23,31 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import CompressedImage, JointState
 from std_msgs.msg import Float64MultiArray
 
-from stickslip_ros.model.conditions import OperatingConditions
-from stickslip_ros.model.friction import Gains
-from stickslip_ros.model.verdict import ExactVerdict
+from stickslip_ros.model.friction import Gains, steady_friction
 from stickslip_ros.monitoring.advice.compensations import CompensatedGains, CompensationQuestion, compensation_advice
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
-from stickslip_ros.nodes.conversion import friction_message, table
-from stickslip_ros.nodes.joints.watched_joints import WORTH_CHANGING
+from stickslip_ros.nodes.conversion import table
 from stickslip_ros.nodes.slow_work import Background, SlowWork
+from stickslip_ros.nodes.watched_joints import WORTH_CHANGING
 from stickslip_ros.output.diagnosis import (
     Diagnosis,
+    StatusBytes,
     compensation_diagnosis,
     compensation_question,
     cycle_diagnostic,
+    diagnostic_array_bytes,
     joint_diagnostic,
+    status_bytes,
     waiting_diagnostic,
 )
-from stickslip_ros.output.published import MARGIN_FIELDS, margin_row
+from stickslip_ros.output.published import MARGIN_FIELDS, Findings, margin_row
 from stickslip_ros.output.stability_map import MapSubject, picture, subject_of
 from stickslip_ros.visible import visible
 
 _APART = 10.0  # time between two lines on a joint, s: a person reads the log
 _FURTHEST_APART = 600.0  # limit of that time, s: it doubles while the status goes on changing
-_ENCAPSULATION = b"\x00\x01\x00\x00"
-_ALIGNED = 4  # alignment of numbers and of lengths of texts, bytes: CDR has it
-_LENGTH = struct.Struct("<I")
-_HEADER = struct.Struct("<iI")
-_MOST_TEXTS = 4096  # number of cached texts, 1: keys, and names of at most 256 joints
 _CALM = tuple(one.value for one in Status if one not in (Status.STICK_SLIP, Status.AT_RISK))
 _REQUEST_EVERY = 10.0  # time between two questions on a joint, s: each takes a second of the slow process
 _LATCHED = QoSProfile(depth=64, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -142,31 +134,6 @@ def _is_calm(word: str) -> bool:
     return word in ("", *_CALM)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Findings:
-    """Present findings on one joint.
-
-    Attributes
-    ----------
-    exact, trial : verdicts on the present gains and on those on trial. here : verdict at the present place or load,
-        None where friction is not known to vary.
-    silent_for : time without samples [s], None if samples come. trouble : why the joint cannot be judged, or "".
-    missing : why states, gains or references are missing, or "".
-    applied : last outcome of `~/apply_recommendation`, or "".
-    conditions : beyond the paper, as configured.
-    """
-
-    assessment: Assessment
-    exact: ExactVerdict
-    trial: ExactVerdict
-    silent_for: float | None
-    trouble: str
-    missing: str
-    applied: str
-    conditions: OperatingConditions
-    here: ExactVerdict | None = None
-
-
 class Publications:
     """The node's publishers, which are silent while it is inactive; ``robot`` precedes the joints' names."""
 
@@ -207,8 +174,6 @@ class Publications:
         joints: Mapping[str, Findings],
         reported: Iterable[str],
         assessed: Iterable[str],
-        *,
-        warn_margin: float,
     ) -> None:
         """Publish one message with the status of the node, if given, and of the reported joints.
 
@@ -217,30 +182,20 @@ class Publications:
         joints : findings on all joints. reported : names of joints to report now.
         assessed : names of joints whose findings may have changed since their last report.
         """
+        warn_margin = float(self._node.get_parameter("warn_margin").value)
         for name in assessed:
             one = joints.get(name)
             if one is None:
                 continue
-            diagnosis = joint_diagnostic(
-                name,
-                one.assessment,
-                one.exact,
-                one.trial,
-                warn_margin=warn_margin,
-                silent_for=one.silent_for,
-                trouble=one.trouble,
-                missing=one.missing,
-                applied=one.applied,
-                here=one.here,
-            )
+            diagnosis = joint_diagnostic(name, one, warn_margin)
             self._log.note(name, one.trouble or one.assessment.finding.status.value, diagnosis.message, monotonic())
             self._statuses[name] = status_bytes(diagnosis, self.robot)
-            self._rows[name] = array_of("d", margin_row(one.assessment, one.exact, one.trial))
+            self._rows[name] = array_of("d", margin_row(one))
         statuses = [self._statuses[name] for name in reported if name in joints]
         if own is not None:
             statuses.insert(0, status_bytes(own, self.robot))
         if statuses:
-            self._diagnostics.publish(diagnostic_array_bytes(self._now(), statuses))
+            self._diagnostics.publish(diagnostic_array_bytes(self._clock.now().nanoseconds, statuses))
 
     def publish_tables(
         self, joints: Mapping[str, Findings], reported: Sequence[str], advised: Mapping[str, Gains | None]
@@ -258,7 +213,7 @@ class Publications:
         if _has_listeners(self._friction):
             now = {name: joints[name].assessment for name in reported if name in joints}
             if now:
-                self._friction.publish(friction_message(self._now(), now))
+                self._friction.publish(_friction_message(self._clock.now().to_msg(), now))
         if _has_listeners(self._margins):
             rows = array_of("d")
             for name in joints:
@@ -272,10 +227,7 @@ class Publications:
 
     def _publish_diagnoses(self, topic: LifecyclePublisher, diagnoses: Iterable[Diagnosis]) -> None:
         statuses = [status_bytes(one, self.robot) for one in diagnoses]
-        topic.publish(diagnostic_array_bytes(self._now(), statuses))
-
-    def _now(self) -> Time:
-        return self._clock.now().to_msg()
+        topic.publish(diagnostic_array_bytes(self._clock.now().nanoseconds, statuses))
 
 
 def _has_listeners(publisher: LifecyclePublisher) -> bool:
@@ -283,66 +235,18 @@ def _has_listeners(publisher: LifecyclePublisher) -> bool:
     return bool(publisher.get_subscription_count())
 
 
-@dataclass(frozen=True, kw_only=True)
-class StatusBytes:
-    """Serialized DiagnosticStatus, at any place of an array.
-
-    Attributes
-    ----------
-    body : bytes after the level. filled : number of padding bytes at the end of the body.
-    """
-
-    level: int
-    body: bytes
-    filled: int
-
-
-def status_bytes(diagnosis: Diagnosis, robot: str = "") -> StatusBytes:
-    """Serialize a status.
-
-    Parameters
-    ----------
-    robot : prefix of the names, "" or ending in a slash: robots have joints of the same names, and one /diagnostics.
-    """
-    body = bytearray(_known_text(robot + diagnosis.name))
-    body += _text(diagnosis.message)
-    body += _known_text(robot + diagnosis.hardware_id)
-    body += _LENGTH.pack(len(diagnosis.values))
-    last = b""
-    for key, value in diagnosis.values:
-        body += _known_text(key)
-        last = _text(value)
-        body += last
-    filled = -(_LENGTH.unpack_from(last)[0]) % _ALIGNED if last else 0
-    return StatusBytes(level=diagnosis.level, body=bytes(body), filled=filled)
-
-
-def diagnostic_array_bytes(stamp: Time, statuses: Iterable[StatusBytes]) -> bytes:
-    """A serialized DiagnosticArray."""
-    statuses = list(statuses)
-    data = bytearray(_ENCAPSULATION)
-    data += _HEADER.pack(stamp.sec, stamp.nanosec)
-    data += _text("")
-    data += _LENGTH.pack(len(statuses))
-    filled = 0
-    for one in statuses:
-        # A level is one byte, and needs no padding before it.
-        if filled:
-            data[-filled] = one.level
-        else:
-            data += bytes((one.level, 0, 0, 0))
-        data += one.body
-        filled = one.filled
-    return bytes(data[: len(data) - filled])
-
-
-def _text(text: str) -> bytes:
-    """Serialized text: length, characters, the zero after them, and padding."""
-    characters = text.encode("utf-8", "replace") + b"\x00"
-    return _LENGTH.pack(len(characters)) + characters + bytes(-len(characters) % _ALIGNED)
-
-
-_known_text = lru_cache(_MOST_TEXTS)(_text)  # keys and names are the same all the time
+def _friction_message(time: Time, assessments: Mapping[str, Assessment]) -> JointState:
+    """Friction of every joint at its speed, by the friction that its margin uses; NaN where none is known."""
+    message = JointState(name=list(assessments))
+    message.header.stamp = time
+    for assessment in assessments.values():
+        message.position.append(assessment.position)
+        message.velocity.append(assessment.mean_velocity)
+        joint, friction = assessment.joint, math.nan
+        if joint is not None and not assessment.per_inertia and math.isfinite(assessment.mean_velocity):
+            friction = float(steady_friction(joint.friction, assessment.mean_velocity))
+        message.effort.append(friction)
+    return message
 
 
 class WhileListened(Generic[Question, Answer]):
@@ -435,13 +339,10 @@ def stability_maps(node: LifecycleNode, work: SlowWork) -> WhileListened[MapSubj
 
     return WhileListened(
         node, work, "~/stability_map", CompressedImage,
-        kind="stability map", answer=picture, question=_subject, numbers=_map_numbers, change=_MAP_CHANGE,
-        message=message,
+        kind="stability map", answer=picture,
+        question=lambda name, one: subject_of(name, one.assessment, one.assessment.velocity),
+        numbers=_map_numbers, change=_MAP_CHANGE, message=message,
     )  # fmt: skip
-
-
-def _subject(name: str, one: Findings) -> MapSubject | None:
-    return subject_of(name, one.assessment, one.assessment.velocity)
 
 
 def _map_numbers(subject: MapSubject) -> tuple[list[float], object]:
@@ -461,17 +362,14 @@ def recommended_compensation(
 
     def message(name: str, question: CompensationQuestion, found: tuple[CompensatedGains, ...]) -> bytes:
         status = status_bytes(compensation_diagnosis(name, question, found), robot)
-        return diagnostic_array_bytes(node.get_clock().now().to_msg(), [status])
+        return diagnostic_array_bytes(node.get_clock().now().nanoseconds, [status])
 
     return WhileListened(
         node, work, "~/recommended_compensation", DiagnosticArray,
-        kind="compensation", answer=compensation_advice, question=_compensation_question,
+        kind="compensation", answer=compensation_advice,
+        question=lambda _, one: compensation_question(one.assessment, one.assessment.velocity, one.conditions),
         numbers=_compensation_numbers, change=_COMPENSATION_CHANGE, message=message,
     )  # fmt: skip
-
-
-def _compensation_question(_: str, one: Findings) -> CompensationQuestion | None:
-    return compensation_question(one.assessment, one.assessment.velocity, one.conditions)
 
 
 def _compensation_numbers(question: CompensationQuestion) -> tuple[list[float], object]:

@@ -136,7 +136,3 @@ def _of_bag(path: Path, states: str) -> Iterator[Recorded]:
 def main(args: list[str] | None = None) -> int:
     """Run the node until the recording has been published."""
     return run(Replay, args)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -22,18 +22,19 @@ from std_srvs.srv import Trigger
 
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.assessment import NOT_COMPUTED, as_seen
-from stickslip_ros.nodes import monitor_parameters
-from stickslip_ros.nodes.compiled_parts import CompiledParts
+from stickslip_ros.nodes import node_parameters
 from stickslip_ros.nodes.friction_feedforward import FrictionFeedforward
 from stickslip_ros.nodes.gains.gain_intake import GainIntake
-from stickslip_ros.nodes.gains.ramp_journal import RampJournal
 from stickslip_ros.nodes.gains.ramps import Ramps
-from stickslip_ros.nodes.intake.arrivals import Arrivals, reference_message_type
+from stickslip_ros.nodes.intake.arrivals import Arrivals, Refusals, reference_message_type
 from stickslip_ros.nodes.intake.inputs import Inputs
-from stickslip_ros.nodes.intake.refusals import Refusals
-from stickslip_ros.nodes.joints import joint_parameters
-from stickslip_ros.nodes.joints.joint_parameters import OwnChange
-from stickslip_ros.nodes.joints.watched_joints import (
+from stickslip_ros.nodes.kept_state import RampJournal, StateKeeper
+from stickslip_ros.nodes.other_monitors import OtherMonitors
+from stickslip_ros.nodes.publications import Publications, recommended_compensation, stability_maps
+from stickslip_ros.nodes.running import CompiledParts
+from stickslip_ros.nodes.self_diagnosis import SelfDiagnosis
+from stickslip_ros.nodes.slow_work import AdviceWorker, ExactWorker, SlowWork, attend_study
+from stickslip_ros.nodes.watched_joints import (
     FEW,
     BatchProcessing,
     GainBounds,
@@ -42,12 +43,9 @@ from stickslip_ros.nodes.joints.watched_joints import (
     WatchedJoints,
     urgent,
 )
-from stickslip_ros.nodes.other_monitors import OtherMonitors
-from stickslip_ros.nodes.publications import Findings, Publications, recommended_compensation, stability_maps
-from stickslip_ros.nodes.self_diagnosis import SelfDiagnosis
-from stickslip_ros.nodes.slow_work import AdviceWorker, ExactWorker, SlowWork, attend_study
-from stickslip_ros.nodes.state.state_keeper import StateKeeper
-from stickslip_ros.output.diagnosis import Diagnosis, Level, value_text
+from stickslip_ros.output.diagnosis import Diagnosis, Level, diagnosis
+from stickslip_ros.output.published import Findings
+from stickslip_ros.settings.parameter_names import MONITOR
 
 _PUBLISH_REST = 2.5  # time between publications, mean durations of one: intake has most of the processor
 _SMOOTHING = 0.1  # weight of the last duration in the mean duration, 1: one long tick delays no joint
@@ -125,7 +123,7 @@ class Reports:
     def __init__(
         self,
         node: LifecycleNode,
-        own_change: OwnChange,
+        own_change: node_parameters.OwnChange,
         joints: WatchedJoints,
         processing: BatchProcessing,
         *,
@@ -166,13 +164,13 @@ class Reports:
         later = in_turn if len(self._joints) > FEW else []
         assessed = [name for name in reported if name not in later]
         self._assess(assessed, now)
-        self._publish_statuses(own, assessed, assessed)
+        self._publications.publish_statuses(own, self.findings, assessed, assessed)
         published()
         if later:
             again = self._processing.may_wait(later, period)
             assessed_later = [name for name in later if name not in again or name not in self.findings]
             self._assess(assessed_later, now)
-            self._publish_statuses(None, later, assessed_later)
+            self._publications.publish_statuses(None, self.findings, later, assessed_later)
             assessed = assessed + assessed_later
         for name in assessed:
             found = self.findings.get(name)
@@ -181,7 +179,7 @@ class Reports:
         for topic in self._on_demand:
             topic.attend(self.findings, now)
         with self._own_change:
-            joint_parameters.set_recommended(
+            node_parameters.set_recommended(
                 self._node, {name: self._advised[name] for name in assessed if name in self.findings}
             )
         ended = self._processing.pop_cycles()
@@ -200,10 +198,6 @@ class Reports:
             except Exception:
                 self.findings.pop(name, None)
                 self._processing.restart_after_error(self._joints[name])
-
-    def _publish_statuses(self, own: Diagnosis | None, reported: Iterable[str], assessed: Iterable[str]) -> None:
-        warn_margin = float(self._node.get_parameter("warn_margin").value)
-        self._publications.publish_statuses(own, self.findings, reported, assessed, warn_margin=warn_margin)
 
     def _scan_for_changes(self, now: float) -> list[str]:
         """Joints that were processed since the last scan; their change tokens are updated.
@@ -267,7 +261,7 @@ class Session:
         self,
         node: LifecycleNode,
         bounds: GainBounds,
-        own_change: OwnChange,
+        own_change: node_parameters.OwnChange,
         state_path: Path | None,
         journal: RampJournal,
     ) -> None:
@@ -288,7 +282,7 @@ class Session:
         try:
             # A type that is not installed is refused now, rather than when the node is activated.
             reference_message_type(self._reference_type)
-            names, adviser = monitor_parameters.joint_names(node), AdviceWorker(self._work).adviser
+            names, adviser = node_parameters.joint_names(node), AdviceWorker(self._work).adviser
             self.joints = WatchedJoints(node, names, bounds, own_change, adviser, self._refuse)
             self._processing = BatchProcessing(self.joints, self._refuse, log)
             self._gains = GainIntake(node, self.joints, self._refuse)
@@ -327,7 +321,7 @@ class Session:
             self._follow_controllers()
 
     def _follow_controllers(self) -> None:
-        self._gains.follow(monitor_parameters.controllers(self._node))
+        self._gains.follow(node_parameters.controllers(self._node))
 
     def activate(self, heard: Callable[[], None]) -> None:
         """Begin to listen; ``heard`` is called when the first message comes that ends an idle time."""
@@ -448,13 +442,7 @@ class Session:
             *own.values(),
             *((f"refused: {reason}", count) for reason, count in self._refuse.counts.items()),
         ]
-        return Diagnosis(
-            level=Level.WARN if message else Level.OK,
-            name="stickslip_monitor",
-            hardware_id="stickslip_monitor",
-            message=message,
-            values=tuple((key, value_text(value)) for key, value in values),
-        )
+        return diagnosis(Level.WARN if message else Level.OK, message, values, MONITOR, MONITOR)
 
     def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         for name, joint in self.joints.items():

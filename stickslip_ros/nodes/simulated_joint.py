@@ -23,10 +23,9 @@ from stickslip_ros.model._validation import require_finite, require_not_negative
 from stickslip_ros.model.compensation import Compensation, usual_compensation
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.joint_simulation import JointSimulation
-from stickslip_ros.nodes.compiled_parts import wait_until_compiled
 from stickslip_ros.nodes.conversion import stamp
-from stickslip_ros.nodes.parameter_answers import follow_by, refuse_by
-from stickslip_ros.nodes.running import run
+from stickslip_ros.nodes.node_parameters import follow_by, refuse_by
+from stickslip_ros.nodes.running import run, wait_until_compiled
 from stickslip_ros.settings.known_joints import KnownJoint, load_joint
 from stickslip_ros.settings.parameter_table import GAINS
 
@@ -265,7 +264,3 @@ class SimulatedJoint(Node):
 def main(args: list[str] | None = None) -> int:
     """Run the node until it is interrupted."""
     return run(SimulatedJoint, args)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

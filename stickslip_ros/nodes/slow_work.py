@@ -55,15 +55,6 @@ class _Running:
     submitted_at: float
 
 
-@dataclass(frozen=True)
-class Done:
-    """A question and its answer, which is None, with ``failed`` set, after an error."""
-
-    question: Any
-    answer: Any
-    failed: bool = False
-
-
 class SlowWork:
     """One process, begun with the first question; each key has at most one question under way.
 
@@ -142,14 +133,16 @@ class SlowWork:
             return False
         return True
 
-    def pop_result(self, key: Key) -> Done | None:
-        """The result of this key, once; None if its question is under way, or there is none."""
+    def pop_result(self, key: Key) -> tuple[Any, Any] | None:
+        """Question and answer of this key, once, the answer being None after an error; None if its question is under
+        way, or there is none.
+        """
         running = self._running.get(key)
         if running is None or not running.future.done():
             return None
         del self._running[key]
         try:
-            return Done(running.question, running.future.result())
+            return running.question, running.future.result()
         except BrokenProcessPool:
             self._lose(running.pool)
         except Exception as error:
@@ -157,7 +150,7 @@ class SlowWork:
             self.failures += 1
             self._rests[key] = monotonic() + _REST
             self._warn(f"{' of '.join(key)} failed: {type(error).__name__}: {error}")
-        return Done(running.question, None, failed=True)
+        return running.question, None
 
     def _lose(self, pool: ProcessPoolExecutor) -> None:
         self.failures += 1
@@ -209,8 +202,8 @@ class Background(Generic[Question, Answer]):
     def latest(self, name: str) -> tuple[Question, Answer] | None:
         """The last question of this name that was answered, and its answer."""
         done = self._work.pop_result((self._kind, name))
-        if done is not None and not done.failed:
-            self._answers[name] = (done.question, done.answer)
+        if done is not None and done[1] is not None:
+            self._answers[name] = done
         return self._answers.get(name)
 
     def under_way(self, name: str) -> bool:
@@ -307,7 +300,7 @@ def attend_study(work: SlowWork, name: str, learner: FrictionLearner) -> None:
     """Pass a finished study to a joint's learner, and begin the next one that is due."""
     done = work.pop_result((_KIND, name))
     if done is not None:
-        learner.adopt(done.answer)
+        learner.adopt(done[1])
     if learner.study_is_due and work.has_room((_KIND, name)):
         question = learner.wanted_study()
         if question is not None and not work.submit((_KIND, name), study, question):

@@ -19,8 +19,6 @@ import numpy as np
 from builtin_interfaces.msg import Duration
 from rcl_interfaces.msg import Log, ParameterType
 from rclpy.node import Node
-from rclpy.parameter import Parameter
-from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -28,9 +26,8 @@ from stickslip_ros.errors import InvalidParameterError, StickSlipError
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.samples import Batch, FloatArray, ReferencePairing
 from stickslip_ros.nodes.gains.gain_intake import ControllerGains
-from stickslip_ros.nodes.gains.remote_parameters import RemoteParameters
-from stickslip_ros.nodes.intake.arrivals import JointStateTopic
-from stickslip_ros.nodes.intake.refusals import Refusals
+from stickslip_ros.nodes.gains.remote_parameters import PATIENCE, RemoteParameters
+from stickslip_ros.nodes.intake.arrivals import JointStateTopic, Refusals
 from stickslip_ros.nodes.running import turn
 
 _QUEUE = 10_000  # depth of a queue, messages: ten seconds at 1 kHz
@@ -93,14 +90,13 @@ class _TrajectoryController:
 
     Parameters
     ----------
-    node : has publisher and clients. name : fully qualified name of the controller's node. joint : joint to be moved.
+    node : has publisher and subscriptions. parameters : of the controller's node. joint : joint to be moved.
     largest_lag : largest distance of the joint from its trajectory [rad].
     """
 
-    def __init__(self, node: Node, name: str, joint: str, largest_lag: float = _LARGEST_LAG) -> None:
-        self.name, self._joint, self._largest_lag = name, joint, largest_lag
-        self._node = node
-        self._parameters = RemoteParameters(node, name)
+    def __init__(self, node: Node, parameters: RemoteParameters, joint: str, largest_lag: float) -> None:
+        self.name, self._joint, self._largest_lag = parameters.remote, joint, largest_lag
+        self._node, self._parameters = node, parameters
         self._requested_at = -math.inf
         self.joints: tuple[str, ...] = ()
         self._sent: JointTrajectory | None = None
@@ -108,13 +104,12 @@ class _TrajectoryController:
         self._farthest = 0.0
         self._complaints: list[str] = []
         self._other: str = ""
-        self._publisher = node.create_publisher(JointTrajectory, f"{name}/joint_trajectory", 10)
-        node.create_subscription(JointTrajectory, f"{name}/joint_trajectory", self._on_trajectory, 10)
+        self._publisher = node.create_publisher(JointTrajectory, f"{self.name}/joint_trajectory", 10)
+        node.create_subscription(JointTrajectory, f"{self.name}/joint_trajectory", self._on_trajectory, 10)
         node.create_subscription(Log, "/rosout", self._on_log, _LOGGED)
 
     def poll(self, now: float) -> None:
         """Request the names of the joints until they are known; ``now`` is a steady time [s]."""
-        self._parameters.poll(now)
         if not self.joints and self._parameters.ready() and now > self._requested_at + _REQUEST_EVERY:
             self._requested_at = now
             self._parameters.get(["joints"], now, self._on_joints)
@@ -277,8 +272,8 @@ class LadderNode(Node):
         self._states = JointStateTopic(self, "joint_states", incoming, refuse)
         self._references = JointStateTopic(self, "joint_references", incoming, refuse)
         self._controller_gains = ControllerGains(self, simulated or controller, self._on_gains, [joint], refuse)
-        self._client = AsyncParameterClient(self, simulated) if simulated else None
-        self._controller = _TrajectoryController(self, controller, joint, largest_lag) if controller else None
+        self._parameters = self._controller_gains.parameters
+        self._controller = _TrajectoryController(self, self._parameters, joint, largest_lag) if controller else None
 
     def _on_gains(self, _: str, gains: Gains | None) -> None:
         # The experiment was made with the last known gains, even if the controller has ended.
@@ -330,7 +325,7 @@ class LadderNode(Node):
             return "joint_states"
         if self._controller is not None:
             return self._controller.missing(self._positions)
-        return "" if self._client is None or self._client.services_are_ready() else "its controller"
+        return "" if self._parameters.ready(to_set=True) else "its controller"
 
     def _turn(self) -> None:
         """Let ROS work a little, and process the messages that have come."""
@@ -393,23 +388,15 @@ class LadderNode(Node):
         self._spin(_SETTLE)
 
     def _set(self, velocity: float) -> None:
-        assert self._client is not None
-        profile = "move" if velocity else "hold"
-        answer = self._client.set_parameters_atomically(
-            [
-                Parameter(f"velocity.{self._joint}", Parameter.Type.DOUBLE, velocity),
-                Parameter(f"profile.{self._joint}", Parameter.Type.STRING, profile),
-            ]
-        )
-        end = monotonic() + _ANSWER_LIMIT
-        while not answer.done():
-            if monotonic() > end:
-                raise ExperimentError(f"{self._simulated} has not answered for {_ANSWER_LIMIT:g} s")
+        values = {f"velocity.{self._joint}": velocity, f"profile.{self._joint}": "move" if velocity else "hold"}
+        answers: list[Any] = []
+        self._parameters.set(values, monotonic() + _ANSWER_LIMIT - PATIENCE, answers.append)
+        while not answers:
             self._turn()
-        result = answer.result()
-        if result is None or not result.result.successful:
-            why = result.result.reason if result else "no answer"
-            raise ExperimentError(f"{self._simulated} refused velocity {velocity:g}: {why}")
+        if answers[0] is None:
+            raise ExperimentError(f"{self._simulated} has not answered for {_ANSWER_LIMIT:g} s")
+        if not answers[0].successful:
+            raise ExperimentError(f"{self._simulated} refused velocity {velocity:g}: {answers[0].reason}")
 
     def _hold(self) -> None:
         """Bring the joint to rest, whatever happened."""

@@ -1,13 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 # Copyright 2026 The stickslip_ros developers
-"""What is known of a joint as a diagnosis: a summary for a person, key and value for programs."""
+"""What is known of a joint as a diagnosis: a summary for a person, key and value for programs.
+
+Diagnoses become the bytes of a DiagnosticArray here, for the node and for bags, because rclpy takes several times as
+long. The encoding is CDR (OMG, Common Data Representation), little-endian, as every ROS 2 middleware reads it.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+import struct
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import lru_cache
 from typing import Any
 
 from stickslip_ros.model.conditions import OperatingConditions
@@ -42,6 +48,11 @@ Values = list[tuple[str, object]]  # keys and values
 _MOST_KEPT = 1024  # number of lists of values that are kept, 1: some of each of 256 joints
 _ONLY_ABSOLUTE = ("inertia", "coulomb", "load")  # per inertia the slips say nothing of them
 _LEAST_SHARE = 0.1  # of the friction, below which compensation is not worth having
+_ENCAPSULATION = b"\x00\x01\x00\x00"
+_ALIGNED = 4  # alignment of numbers and of lengths of texts, bytes: CDR has it
+_LENGTH = struct.Struct("<I")
+_HEADER = struct.Struct("<iI")
+_MOST_TEXTS = 4096  # number of cached texts, 1: keys, and names of at most 256 joints
 
 
 class Level(IntEnum):
@@ -70,14 +81,19 @@ class Diagnosis:
     values: tuple[tuple[str, str], ...]
 
 
-def _diagnosis(level: Level, joint: str, message: str, values: Sequence[tuple[str, object]]) -> Diagnosis:
-    return Diagnosis(
-        level=level,
-        name=f"stickslip_monitor: {joint}",
-        hardware_id=joint,
-        message=message,
-        values=tuple((key, value_text(value)) for key, value in values),
+def diagnosis(
+    level: Level, message: str, values: Iterable[tuple[str, object]], name: str, hardware_id: str
+) -> Diagnosis:
+    """A diagnosis whose values are numbers, in full, or texts."""
+    texts = tuple(
+        (key, value if type(value) is str else repr(float(value)) if isinstance(value, float) else str(value))
+        for key, value in values
     )
+    return Diagnosis(level=level, name=name, hardware_id=hardware_id, message=message, values=texts)
+
+
+def _of_joint(level: Level, joint: str, message: str, values: Iterable[tuple[str, object]]) -> Diagnosis:
+    return diagnosis(level, message, values, f"stickslip_monitor: {joint}", joint)
 
 
 def _once(function: Callable[..., Values]) -> Callable[..., Values]:
@@ -98,7 +114,7 @@ def _once(function: Callable[..., Values]) -> Callable[..., Values]:
 
 def waiting_diagnostic(joint: str, reason: str) -> Diagnosis:
     """Status of a joint of which nothing can be said yet."""
-    return _diagnosis(Level.WARN, joint, reason, [("status", Status.UNKNOWN.value), ("reason", reason)])
+    return _of_joint(Level.WARN, joint, reason, [("status", Status.UNKNOWN.value), ("reason", reason)])
 
 
 @_once
@@ -151,40 +167,18 @@ def _growth_values(estimate: FrictionEstimate) -> Values:
     return values
 
 
-def joint_diagnostic(
-    name: str,
-    assessment: Assessment,
-    exact: ExactVerdict,
-    trial: ExactVerdict,
-    *,
-    warn_margin: float,
-    silent_for: float | None,
-    trouble: str = "",
-    missing: str = "",
-    applied: str = "",
-    here: ExactVerdict | None = None,
-) -> Diagnosis:
-    """One joint's status: a summary for a person, every number as a key with its unit for programs; all in SI units.
-
-    Parameters
-    ----------
-    exact, trial : verdicts on the present gains and on those on trial. here : on the present gains at the present
-        position and load, where friction is known to vary; the others are of the worst place then.
-    silent_for : [s], None if it is heard, infinite if it never was.
-    trouble : why nothing can be said of it, "" if something can.
-    missing : why gains or reference are not known though they were configured, "" if they are.
-    applied : the last outcome of `~/apply_recommendation`, "" if there was none.
-    """
+def joint_diagnostic(name: str, found: published.Findings, warn_margin: float) -> Diagnosis:
+    """One joint's status: a summary for a person, every number as a key with its unit for programs; all in SI units."""
+    assessment, exact = found.assessment, found.exact
     reason = "" if assessment.finding.reason is None else reason_text(assessment.finding)
-    level, message = _summary(assessment, reason, exact, warn_margin, silent_for)
-    if trouble:
-        level, message = Level.WARN, trouble
-    if missing:
-        level, message = max(level, Level.WARN), f"{message}; {missing}"
-    known = published.Known(assessment=assessment, exact=exact, trial=trial)
+    level, message = _summary(found, reason, warn_margin)
+    if found.trouble:
+        level, message = Level.WARN, found.trouble
+    if found.missing:
+        level, message = max(level, Level.WARN), f"{message}; {found.missing}"
 
     def rows(*sections: published.Section) -> Values:
-        return [row for one in sections for row in one.for_diagnostics(one.of(known))]
+        return [row for one in sections for row in one.for_diagnostics(one.of(found))]
 
     values: Values = [
         *rows(published.STATUS),
@@ -192,7 +186,7 @@ def joint_diagnostic(
         *rows(published.VELOCITY),
         ("velocity is from", assessment.velocity_source),
         ("margin reason", assessment.margin_reason),
-        ("missing", missing),
+        ("missing", found.missing),
         *_margin_values(published.MARGIN, assessment.margin),
     ]
     if assessment.margin is not None:
@@ -201,17 +195,17 @@ def joint_diagnostic(
         values += rows(published.EXACT)
     if not math.isnan(exact.damping_reserve):
         values += rows(published.RESERVE)
-    if here is not None and here.smooth is not None:
-        values.append(("exact smooth here", str(here.smooth).lower()))
+    if found.here is not None and found.here.smooth is not None:
+        values.append(("exact smooth here", str(found.here.smooth).lower()))
     if exact.reason:
         values.append(("exact reason", exact.reason))
     values += rows(published.GAINS, published.INTEGRAL_GAIN)
     if assessment.advice is not None:
         values.append(("recommendation", assessment.advice_text))
         values += _advice_values(assessment.advice, assessment.variant)
-    values += _trial_values(assessment, trial)
-    if applied:
-        values.append(("applied", applied))
+    values += _trial_values(assessment, found.trial)
+    if found.applied:
+        values.append(("applied", found.applied))
     values += rows(published.BELIEF)
     if assessment.joint is not None and not assessment.per_inertia:
         values += _joint_values(assessment.joint)
@@ -231,7 +225,7 @@ def joint_diagnostic(
     if math.isfinite(assessment.constant_effort):
         single.append(constant_effort_text(assessment.constant_effort))
     values += [("samples left out", "; ".join(samples)), ("values left out", "; ".join(single))]
-    return _diagnosis(level, name, message, values)
+    return _of_joint(level, name, message, values)
 
 
 def _advised_exactly(assessment: Assessment) -> bool:
@@ -289,15 +283,14 @@ def _trial_values(assessment: Assessment, exact: ExactVerdict) -> Values:
     ]
 
 
-def _summary(
-    assessment: Assessment, reason: str, exact: ExactVerdict, warn_margin: float, silent_for: float | None
-) -> tuple[Level, str]:
+def _summary(found: published.Findings, reason: str, warn_margin: float) -> tuple[Level, str]:
+    assessment, exact = found.assessment, found.exact
     finding, margin = assessment.finding, assessment.margin
     text = finding.status.value + (f": {reason}" if reason else "")
-    if silent_for is not None:
-        if math.isinf(silent_for):
+    if found.silent_for is not None:
+        if math.isinf(found.silent_for):
             return Level.STALE, "no data yet"
-        return Level.STALE, f"no data for {silent_for:.1f} s (was {finding.status.value})"
+        return Level.STALE, f"no data for {found.silent_for:.1f} s (was {finding.status.value})"
     if finding.status is Status.STICK_SLIP:
         if assessment.change is not None and assessment.change.learning_anew:
             text += f"; {friction_change_text(assessment.change)}"
@@ -326,14 +319,7 @@ def cycle_diagnostic(name: str, cycle: Cycle) -> Diagnosis:
     """One completed cycle."""
     values = [row for section in published.OF_CYCLE for row in section.for_diagnostics(cycle)]
     message = f"slip of {cycle.slip_distance:.4g} rad after {cycle.dwell:.3g} s at rest"
-    return _diagnosis(Level.WARN, name, message, values)
-
-
-def value_text(value: object) -> str:
-    """A number in full, or a text."""
-    if type(value) is str:
-        return value
-    return repr(float(value)) if isinstance(value, float) else str(value)
+    return _of_joint(Level.WARN, name, message, values)
 
 
 def compensation_question(
@@ -399,10 +385,65 @@ def compensation_diagnosis(name: str, question: CompensationQuestion, found: tup
             (f"{label}: swing at rest [rad]", effect.standing_swing),
             (f"{label}: peak error at a reversal [rad]", effect.peak_error),
         ]
-    return Diagnosis(
-        level=Level.OK,
-        name=f"stickslip: compensation of {name}",
-        hardware_id=name,
-        message=compensation_words(found),
-        values=tuple((key, value_text(value)) for key, value in values),
-    )
+    return diagnosis(Level.OK, compensation_words(found), values, f"stickslip: compensation of {name}", name)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StatusBytes:
+    """Serialized DiagnosticStatus, at any place of an array.
+
+    Attributes
+    ----------
+    body : bytes after the level. filled : number of padding bytes at the end of the body.
+    """
+
+    level: int
+    body: bytes
+    filled: int
+
+
+def status_bytes(diagnosis: Diagnosis, robot: str = "") -> StatusBytes:
+    """Serialize a status.
+
+    Parameters
+    ----------
+    robot : prefix of the names, "" or ending in a slash: robots have joints of the same names, and one /diagnostics.
+    """
+    body = bytearray(_known_text(robot + diagnosis.name))
+    body += _text(diagnosis.message)
+    body += _known_text(robot + diagnosis.hardware_id)
+    body += _LENGTH.pack(len(diagnosis.values))
+    last = b""
+    for key, value in diagnosis.values:
+        body += _known_text(key)
+        last = _text(value)
+        body += last
+    filled = -(_LENGTH.unpack_from(last)[0]) % _ALIGNED if last else 0
+    return StatusBytes(level=diagnosis.level, body=bytes(body), filled=filled)
+
+
+def diagnostic_array_bytes(stamp: int, statuses: Sequence[StatusBytes]) -> bytes:
+    """A serialized DiagnosticArray with a stamp [ns]."""
+    data = bytearray(_ENCAPSULATION)
+    data += _HEADER.pack(*divmod(stamp, 1_000_000_000))
+    data += _text("")
+    data += _LENGTH.pack(len(statuses))
+    filled = 0
+    for one in statuses:
+        # A level is one byte, and needs no padding before it.
+        if filled:
+            data[-filled] = one.level
+        else:
+            data += bytes((one.level, 0, 0, 0))
+        data += one.body
+        filled = one.filled
+    return bytes(data[: len(data) - filled])
+
+
+def _text(text: str) -> bytes:
+    """Serialized text: length, characters, the zero after them, and padding."""
+    characters = text.encode("utf-8", "replace") + b"\x00"
+    return _LENGTH.pack(len(characters)) + characters + bytes(-len(characters) % _ALIGNED)
+
+
+_known_text = lru_cache(_MOST_TEXTS)(_text)  # keys and names are the same all the time

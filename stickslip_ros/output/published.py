@@ -11,12 +11,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from enum import Enum
 from functools import cached_property
 from operator import attrgetter
 from typing import Any, NamedTuple
 
+from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import (
     FRICTION_PARAMETERS,
     PRESLIDING_PARAMETERS,
@@ -27,19 +28,36 @@ from stickslip_ros.model.friction import (
 )
 from stickslip_ros.model.units import in_ascii, unit_of
 from stickslip_ros.model.verdict import ExactVerdict
-from stickslip_ros.monitoring.assessment import Assessment
+from stickslip_ros.monitoring.assessment import NOT_COMPUTED, Assessment
 from stickslip_ros.monitoring.detection.status import Status
 
 _STATUS_NUMBERS = {status: index for index, status in enumerate(Status)}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Known:
-    """What there is to publish of a joint: the assessment, and verdicts on the present gains and on those on trial."""
+class Findings:
+    """What there is to publish of a joint.
+
+    Attributes
+    ----------
+    exact, trial : verdicts on the present gains and on those on trial. here : on the present gains at the present
+        position and load, None where friction is not known to vary; the others are of the worst place then.
+    silent_for : time without samples [s], None if samples come, infinite if none ever came.
+    trouble : why the joint cannot be judged, or "".
+    missing : why states, gains or references are missing, or "".
+    applied : last outcome of `~/apply_recommendation`, or "".
+    conditions : beyond the paper, as configured.
+    """
 
     assessment: Assessment
     exact: ExactVerdict
-    trial: ExactVerdict
+    trial: ExactVerdict = NOT_COMPUTED
+    here: ExactVerdict | None = None
+    silent_for: float | None = None
+    trouble: str = ""
+    missing: str = ""
+    applied: str = ""
+    conditions: OperatingConditions = field(default_factory=OperatingConditions)
 
 
 class MarginField(NamedTuple):
@@ -82,7 +100,7 @@ class Published:
 class Section:
     """Rows about the same thing. ``of`` : gives this thing, None if there is none."""
 
-    of: Callable[[Known], Any]
+    of: Callable[[Findings], Any]
     rows: tuple[Published, ...]
 
     def for_diagnostics(self, subject: Any, prefix: str = "") -> list[tuple[str, object]]:
@@ -138,7 +156,7 @@ _STIFFNESS, _DAMPING, _INTEGRAL = (in_ascii(unit_of(Gains, name)) for name in ("
 _TORQUE = in_ascii(unit_of(Friction, "coulomb"))
 
 
-def _on_trial(section: Section, of: Callable[[Known], Any], places: Mapping[str, int]) -> Section:
+def _on_trial(section: Section, of: Callable[[Findings], Any], places: Mapping[str, int]) -> Section:
     """The section about the gains on trial: in `~/margins` those of its fields that are given places."""
 
     def row_of(row: Published) -> Published:
@@ -183,14 +201,14 @@ def _itself(subject: Any) -> Any:
 
 
 STATUS = Section(
-    lambda known: known.assessment.finding.status, (_row("status", place=0, value=_itself, fleet="status"),)
+    lambda found: found.assessment.finding.status, (_row("status", place=0, value=_itself, fleet="status"),)
 )
 VELOCITY = Section(
-    lambda known: known.assessment.velocity, (_row("velocity", "rad/s", 8, value=_itself, fleet="velocity"),)
+    lambda found: found.assessment.velocity, (_row("velocity", "rad/s", 8, value=_itself, fleet="velocity"),)
 )
 # What Eq. (43) says of gains, a StabilityMargin; of those on trial it is published too.
 MARGIN = Section(
-    lambda known: known.assessment.margin,
+    lambda found: found.assessment.margin,
     (
         Published(value=lambda margin: bool(margin.applicable), diagnostics="margin applicable", json="applicable",
                   margins=MarginField(1, "applicable", unknown=0.0)),
@@ -211,12 +229,12 @@ MARGIN_TERMS = Section(
     ),
 )
 LOWEST_SMOOTH_VELOCITY = Section(
-    lambda known: known.assessment.lowest_smooth_velocity,
+    lambda found: found.assessment.lowest_smooth_velocity,
     (_row("lowest_smooth_velocity", "rad/s", 9, value=_itself, fleet="lowest_smooth_velocity"),),
 )
 # By integration of Eqs (4)-(6), an ExactVerdict.
 EXACT = Section(
-    lambda known: known.exact,
+    lambda found: found.exact,
     (
         _exact("smooth", place=13, fleet="exactly_smooth"),
         _exact("outcome", fleet="exact_outcome"),
@@ -231,13 +249,13 @@ EXACT = Section(
 # Of an ExactVerdict too; known before all else of it.
 RESERVE = Section(EXACT.of, (_exact("damping_reserve", "1", 28, fleet="reserve"),))
 GAINS = Section(
-    lambda known: known.assessment.gains,
+    lambda found: found.assessment.gains,
     (_row("stiffness", _STIFFNESS, 10, fleet="stiffness"), _row("damping", _DAMPING, 11, fleet="damping")),
 )
 INTEGRAL_GAIN = Section(GAINS.of, (_row("integral", _INTEGRAL),))
 # Of an assessment, where the friction is learnt.
 UNCERTAINTY = Section(
-    lambda known: known.assessment,
+    lambda found: found.assessment,
     (
         _row("margin_std", _ENERGY, 17, diagnostics="energy_margin std", json="std"),
         _row("stick_slip_probability", "1", 18),
@@ -249,12 +267,12 @@ EXACT_UNCERTAINTY = Section(
     (_exact("stick_slip_probability", "1", json="exact_stick_slip_probability", fleet="exact_stick_slip_probability"),),
 )
 BELIEF = Section(
-    lambda known: known.assessment,
+    lambda found: found.assessment,
     (_row("rests_on", diagnostics="margin rests on"), _row("per_inertia", diagnostics="", fleet="per_inertia")),
 )
 # Of a Recommendation.
 ADVICE = Section(
-    lambda known: known.assessment.recommendation,
+    lambda found: found.assessment.recommendation,
     (
         _row("keep", diagnostics=""),
         _row("condition", diagnostics="recommendation is by"),
@@ -269,7 +287,7 @@ ADVICE_REACHES = Section(
 )  # fmt: skip
 # Of a Variant of it; in diagnostics with a prefix, "recommended " or the variant's own.
 ADVISED_GAINS = Section(
-    lambda known: known.assessment.recommended,
+    lambda found: found.assessment.recommended,
     (
         _row("stiffness", _STIFFNESS, fleet="advised_stiffness"),
         _row("damping", _DAMPING, fleet="advised_damping"),
@@ -300,22 +318,22 @@ ADVISED_COST = Section(
     ADVISED_GAINS.of,
     (_row("bandwidth", "rad/s"), _row("tracking_error_factor", "1"), _row("noise_factor", "1")),
 )
-TRIAL_GAINS = _on_trial(GAINS, lambda known: known.assessment.trial, {})
+TRIAL_GAINS = _on_trial(GAINS, lambda found: found.assessment.trial, {})
 TRIAL_MARGIN = _on_trial(
     MARGIN,
-    lambda known: known.assessment.trial_margin,
+    lambda found: found.assessment.trial_margin,
     {"energy_margin": 21, "damping_ratio": 22, "critical_damping_ratio": 23},
 )
 TRIAL_EXACT = Section(
-    lambda known: known.trial,
+    lambda found: found.trial,
     (
         _row("smooth", place=24, diagnostics="trial exact smooth", json="", margins="trial_exact_smooth"),
         _row("outcome", diagnostics="trial exact outcome", json=""),
     ),
 )
-CYCLES = Section(lambda known: known.assessment.cycles, (_row("cycles", "1", 12, value=_itself, json=""),))
+CYCLES = Section(lambda found: found.assessment.cycles, (_row("cycles", "1", 12, value=_itself, json=""),))
 # Of a Cycle: one alone, and the size of the last one, with a prefix in diagnostics.
-CYCLE_BEGINS = Section(lambda known: known.assessment.last_cycle, (_row("breakaway", "s"), _row("arrest", "s")))
+CYCLE_BEGINS = Section(lambda found: found.assessment.last_cycle, (_row("breakaway", "s"), _row("arrest", "s")))
 CYCLE_SIZE = Section(
     CYCLE_BEGINS.of,
     (
@@ -334,7 +352,7 @@ CYCLE_PLACE = Section(
 )
 # Of a ReversalRecord.
 REVERSALS = Section(
-    lambda known: known.assessment.reversals,
+    lambda found: found.assessment.reversals,
     (
         _row("count", "1", diagnostics="reversals"),
         _row("standing", "s", 26, diagnostics="reversal standing", fleet="reversal_standing",
@@ -347,7 +365,7 @@ REVERSALS = Section(
 )  # fmt: skip
 # Of a PreslidingEstimate.
 PRESLIDING = Section(
-    lambda known: known.assessment.presliding,
+    lambda found: found.assessment.presliding,
     (
         _row("stiffness.value", _STIFFNESS, diagnostics="presliding_stiffness", json="value",
              fleet="presliding_stiffness"),
@@ -362,25 +380,20 @@ PRESLIDING = Section(
     ),
 )  # fmt: skip
 POSITION = Section(
-    lambda known: known.assessment,
+    lambda found: found.assessment,
     (
         _row("resolution", "rad", diagnostics="position resolution"),
         _row("noise", "rad", diagnostics="position noise"),
     ),
 )
 SAMPLING = Section(
-    lambda known: known.assessment,
+    lambda found: found.assessment,
     (_row("sample_rate", "Hz", diagnostics="sample rate", fleet="sample_rate"),),
 )
 OF_VARIANT = (ADVISED_GAINS, ADVISED_MARGIN, ADVISED_ANSWERS, ADVISED_FACTORS, ADVISED_COST)
 OF_ADVICE = (ADVICE, ADVICE_REACHES, *OF_VARIANT)
 OF_CYCLE = (CYCLE_BEGINS, CYCLE_SIZE, CYCLE_PLACE)
-SECTIONS = (
-    STATUS, VELOCITY, MARGIN, MARGIN_TERMS, LOWEST_SMOOTH_VELOCITY, EXACT, RESERVE, GAINS, INTEGRAL_GAIN, UNCERTAINTY,
-    EXACT_UNCERTAINTY, BELIEF,
-    *OF_ADVICE, TRIAL_GAINS, TRIAL_MARGIN, TRIAL_EXACT, CYCLES, *OF_CYCLE, REVERSALS,
-    PRESLIDING, POSITION, SAMPLING,
-)  # fmt: skip
+SECTIONS = tuple(one for one in list(globals().values()) if isinstance(one, Section))
 
 _MARGIN_ROWS = sorted(
     ((row.margins, section, row) for section in SECTIONS for row in section.rows if row.margins is not None),
@@ -390,13 +403,12 @@ MARGIN_FIELDS = tuple(field.name for field, _, _ in _MARGIN_ROWS)
 RESERVE_FIELD = "exact_damping_reserve"  # the field that tells in one number how far a joint is from stick-slip
 
 
-def margin_row(assessment: Assessment, exact: ExactVerdict, trial: ExactVerdict) -> list[float]:
+def margin_row(found: Findings) -> list[float]:
     """The numbers of :data:`MARGIN_FIELDS`; NaN for what is unknown or not applicable."""
-    known = Known(assessment=assessment, exact=exact, trial=trial)
     numbers = []
-    for field, section, row in _MARGIN_ROWS:
-        subject = section.of(known)
-        numbers.append(_as_number(None if subject is None else row.value(subject), field))
+    for margins, section, row in _MARGIN_ROWS:
+        subject = section.of(found)
+        numbers.append(_as_number(None if subject is None else row.value(subject), margins))
     return numbers
 
 

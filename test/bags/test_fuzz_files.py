@@ -36,7 +36,7 @@ from stickslip_ros.errors import StickSlipError
 from stickslip_ros.monitoring.friction.change import FrictionChange, ParameterDifference
 from stickslip_ros.monitoring.friction.learner import LearnerMemory
 from stickslip_ros.monitoring.joint_monitor import JointMemory
-from stickslip_ros.nodes.state.state_file import as_text, read_state
+from stickslip_ros.nodes.kept_state import as_text, read_state
 from stickslip_ros.settings.known_joints import load_joint
 from stickslip_ros.settings.parameter_file import Parameters
 

@@ -34,6 +34,7 @@ from stickslip_ros.cli.main import main
 from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Segment, Status, Stuck
 from stickslip_ros.output.diagnosis import joint_diagnostic
+from stickslip_ros.output.published import Findings
 from stickslip_ros.settings.parameter_file import Parameters
 
 pytestmark = pytest.mark.slow
@@ -413,7 +414,7 @@ def test_a_joint_slower_than_it_has_to_be_smooth(tmp_path: Path) -> None:
         f"ts gains have the wanted reserve from 5 rad/s on; at {joint.velocity:.3g} rad/s the model predicts stick-slip"
     )
     assert words.advice(joint) == f"I{sentence}."
-    status = joint_diagnostic("a", joint.assessment, joint.exact, joint.exact, warn_margin=0.1, silent_for=None)
+    status = joint_diagnostic("a", Findings(assessment=joint.assessment, exact=joint.exact), 0.1)
     assert status.message == f"stick_slip; i{sentence}"
 
 

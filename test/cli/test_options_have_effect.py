@@ -207,7 +207,7 @@ def _write_bag(path: Path, *, with_events: bool = True) -> None:
             value = writer.message("rcl_interfaces/msg/ParameterValue", type=3, bool_value=False, integer_value=0,
                                    double_value=gain, string_value="", string_array_value=[], **empty)  # fmt: skip
             one = writer.message("rcl_interfaces/msg/Parameter", name="gains.joint1.p", value=value)
-            stamp = writer.header(1.0).stamp
+            stamp = writer.message("builtin_interfaces/msg/Time", sec=1, nanosec=0)
             return writer.message(events, stamp=stamp, node=node, new_parameters=[one], changed_parameters=[],
                                   deleted_parameters=[])  # fmt: skip
 

@@ -20,7 +20,7 @@ from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.monitoring.friction.learner import FrictionLearner, LearnerMemory
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
-from stickslip_ros.nodes.state.plain_data import from_plain, to_plain
+from stickslip_ros.nodes.kept_state import from_plain, to_plain
 
 GAINS = Gains(stiffness=630.0)
 RATE, SECONDS = 500.0, 80.0

@@ -16,7 +16,7 @@ from stickslip_ros.monitoring.friction.estimation import estimate_friction
 from stickslip_ros.monitoring.friction.slip_windows import slip_window
 from stickslip_ros.monitoring.identification import identify
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
-from stickslip_ros.nodes.state.plain_data import from_plain, to_plain
+from stickslip_ros.nodes.kept_state import from_plain, to_plain
 
 GAINS = Gains(stiffness=2016.0, damping=5.0)
 

@@ -26,7 +26,7 @@ from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.friction.estimation import estimate_friction
 from stickslip_ros.monitoring.friction.learner import FrictionLearner, LearnerMemory
 from stickslip_ros.monitoring.selected_model import select_model
-from stickslip_ros.nodes.state.plain_data import from_plain, to_plain
+from stickslip_ros.nodes.kept_state import from_plain, to_plain
 
 GAINS = Gains(stiffness=630.0)
 RESOLUTION = 5e-6  # [rad], some thousandth of a slip

@@ -33,7 +33,7 @@ from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.monitoring.study import study
 from stickslip_ros.nodes.conversion import stamp
-from stickslip_ros.nodes.state.plain_data import from_plain, to_plain
+from stickslip_ros.nodes.kept_state import from_plain, to_plain
 
 pytestmark = pytest.mark.slow
 

@@ -25,7 +25,7 @@ from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.friction.friction_factor import FrictionFactor
 from stickslip_ros.monitoring.friction.learner import LearnerMemory
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
-from stickslip_ros.nodes.state.plain_data import from_plain, to_plain
+from stickslip_ros.nodes.kept_state import from_plain, to_plain
 from stickslip_ros.output.as_json import growth_json
 
 pytestmark = pytest.mark.slow

@@ -23,7 +23,7 @@ from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.monitoring.friction.estimate import NAMES, FrictionEstimate
 from stickslip_ros.monitoring.friction.learner import LearnerMemory
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
-from stickslip_ros.nodes.state.plain_data import from_plain, to_plain
+from stickslip_ros.nodes.kept_state import from_plain, to_plain
 
 pytestmark = pytest.mark.slow
 

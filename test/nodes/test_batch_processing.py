@@ -11,7 +11,7 @@ from rclpy.logging import get_logger
 from stickslip_ros.monitoring.assessment import MonitorOptions
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import ReferencePairing
-from stickslip_ros.nodes.joints.watched_joints import BatchProcessing, GainBounds, WatchedJoint
+from stickslip_ros.nodes.watched_joints import BatchProcessing, GainBounds, WatchedJoint
 from stickslip_ros.settings.parameters import JointSettings
 
 RATE, TICK, COUNT = 200.0, 0.04, 1e-5  # [Hz], [s], [rad]
@@ -58,7 +58,7 @@ class Stage:
                     [times, COUNT * np.round(position / COUNT), np.full(count, speed), np.zeros(count)]
                 )
                 self.position[name] = float(position[-1])
-                self.joints[name].add_samples(samples[name])
+                self.joints[name].pairing.add_samples(samples[name])
             self.time = float(times[-1])
             self.processing.expect(samples, (), self.time)
             self.processing.poll(self.time, hurry=False)

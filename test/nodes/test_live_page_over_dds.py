@@ -27,7 +27,7 @@ from stickslip_ros.cli.main import main
 from stickslip_ros.cli.watch_view import JointView
 from stickslip_ros.model.friction import Friction, Gains, Joint
 from stickslip_ros.output.as_json import margin_json
-from stickslip_ros.output.diagnosis import Level, value_text
+from stickslip_ros.output.diagnosis import Level, diagnosis
 from stickslip_ros.output.published import joint_values, published_joint
 from stickslip_ros.settings.known_joints import load_joint
 
@@ -144,7 +144,7 @@ class Listener:
     """Two joints that a monitor knows, with other gains."""
 
     def __init__(self) -> None:
-        told = {key: value_text(value) for key, value in joint_values(load_joint("puma560_joint1").joint)}
+        told = dict(diagnosis(Level.OK, "", joint_values(load_joint("puma560_joint1").joint), "", "").values)
         told |= {"velocity [rad/s]": "0.0058", "damping [N*m*s/rad]": "20"}
         gains = {"a": "630", "b": "6300"}
         self.snapshot = Snapshot(joints=tuple(
@@ -228,7 +228,7 @@ def test_the_believed_joint_is_told_and_read(friction: dict[str, object], delay:
             stribeck=1.6, stribeck_velocity=0.0058, lag=0.05, rise_time=0.26, viscous=4.94, coulomb=8.43, **friction
         ),  # type: ignore[arg-type]
     )
-    told = {key: value_text(value) for key, value in joint_values(joint)}
+    told = dict(diagnosis(Level.OK, "", joint_values(joint), "", "").values)
     assert published_joint(json.loads(json.dumps(told))) == joint
     assert published_joint({}) is None
     assert published_joint(told | {"believed inertia [kg*m^2]": "-1"}) is None

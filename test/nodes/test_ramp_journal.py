@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from stickslip_ros.messages.gain_parameters import GainPair
-from stickslip_ros.nodes.gains.ramp_journal import JournalError, RampJournal, UnfinishedRamp
+from stickslip_ros.nodes.kept_state import JournalError, RampJournal, UnfinishedRamp
 
 RAMP = UnfinishedRamp(
     joint="joint1", controller="/late", before=GainPair(630.0, 0.0), target=GainPair(3820.0, 26.4), offset=4.94

@@ -27,7 +27,7 @@ from stickslip_ros.messages.gain_parameters import GainPair
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.nodes.gains.gain_application import GainApplication, Outcome
-from stickslip_ros.nodes.gains.ramp_journal import RampJournal, UnfinishedRamp
+from stickslip_ros.nodes.kept_state import RampJournal, UnfinishedRamp
 from stickslip_ros.settings.known_joints import load_joint
 
 pytestmark = pytest.mark.slow

@@ -5,13 +5,15 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from std_srvs.srv import Trigger
 
 from stickslip_ros.nodes.gains.gain_application import Outcome
-from stickslip_ros.nodes.gains.ramps import RampService
+from stickslip_ros.nodes.gains.ramps import Ramps
+from stickslip_ros.nodes.kept_state import RampJournal
 
 
 class Service:
@@ -31,6 +33,10 @@ class Service:
         context.service_take_request = lambda _: self.waiting.pop() if self.waiting else (None, None)  # type: ignore[attr-defined]
         return context
 
+    def get_parameter(self, _: str) -> Any:
+        """Gains may be written."""
+        return SimpleNamespace(value=True)
+
     def send_response(self, response: Any, _: Any) -> None:
         """Keep the response."""
         self.answers.append(response)
@@ -49,10 +55,11 @@ class Ramp:
 
 
 @pytest.mark.parametrize("success", [True, False])
-def test_after_a_ramp_that_fails_no_other_begins(success: bool) -> None:
+def test_after_a_ramp_that_fails_no_other_begins(success: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """One joint follows the other; where one fails, those that wait are left as they are, and the answer says so."""
     node, ramps = Service(), [Ramp("a", success=success), Ramp("b", success=True)]
-    service = RampService(node, {"apply": lambda: list(ramps)})  # type: ignore[arg-type, list-item]
+    monkeypatch.setattr(Ramps, "_to_the_advice", lambda _: list(ramps))
+    service = Ramps(node, {}, None, None, RampJournal(None))  # type: ignore[arg-type]
     for step in range(6):
         service.tick(0.1 * step)
         assert ramps[1].steps == 0 or ramps[0].steps == 2

@@ -13,8 +13,9 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from stickslip_ros.errors import StickSlipError
-from stickslip_ros.nodes import monitor_parameters
-from stickslip_ros.nodes.parameter_answers import refuse_by
+from stickslip_ros.nodes import node_parameters
+from stickslip_ros.nodes.kept_state import state_path
+from stickslip_ros.nodes.node_parameters import refuse_by
 
 JOINTS = "'joints' must be [''], or different names of at most 128 visible characters without blanks, commas and dots"
 NOT_NEGATIVE = "must be finite and >= 0"
@@ -48,9 +49,9 @@ def test_at_the_start(given: dict[str, object], rule: str) -> None:
     """Also of joints that are not heard of yet."""
     node = Node("refusing", parameter_overrides=[Parameter(name, value=value) for name, value in given.items()])
     try:
-        monitor_parameters.declare(node)
+        node_parameters.declare(node)
         with pytest.raises(StickSlipError) as refused:
-            monitor_parameters.check(node)
+            node_parameters.check(node)
         assert rule in str(refused.value)
         assert str(refused.value).isprintable()
     finally:
@@ -61,8 +62,8 @@ def test_while_it_runs() -> None:
     """What concerns every joint is refused although no joint is heard of; the value stays."""
     node = Node("refusing")
     try:
-        monitor_parameters.declare(node)
-        refuse_by(node, lambda changed: monitor_parameters.check(node, {one.name: one for one in changed}))
+        node_parameters.declare(node)
+        refuse_by(node, lambda changed: node_parameters.check(node, {one.name: one for one in changed}))
         for given, rule in REFUSED:
             for name, value in given.items():
                 if name.endswith("margin") or name == "confidence":
@@ -80,9 +81,9 @@ def test_state_files_are_regular_files(name: str) -> None:
     """Devices and folders are none."""
     node = Node("refusing", parameter_overrides=[Parameter("state_file", value=name)])
     try:
-        monitor_parameters.declare(node)
+        node_parameters.declare(node)
         with pytest.raises(StickSlipError, match="the name of a regular file"):
-            monitor_parameters.state_path(node)
+            state_path(node)
     finally:
         node.destroy_node()
     assert Path(name).exists()

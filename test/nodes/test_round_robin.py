@@ -15,7 +15,7 @@ from nodes.forked_nodes import NodeProcess
 from support_processes import processor_time
 from support_ros import probe
 
-from stickslip_ros.nodes.joints.watched_joints import RoundRobin
+from stickslip_ros.nodes.watched_joints import RoundRobin
 
 JOINTS = [f"joint{number + 1}" for number in range(40)]
 PERIOD = 0.04  # [s] from one publication to the next

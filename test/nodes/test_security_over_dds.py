@@ -19,7 +19,7 @@ from lifecycle_msgs.msg import Transition
 from nodes.forked_nodes import NodeProcess
 from support_ros import probe
 
-from stickslip_ros.nodes.joints.watched_joints import GainBounds
+from stickslip_ros.nodes.watched_joints import GainBounds
 from stickslip_ros.settings.parameter_table import COMMON, PER_JOINT
 from stickslip_ros.settings.parameters import JointSettings, settings_of
 

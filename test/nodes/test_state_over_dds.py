@@ -20,10 +20,17 @@ from support_ros import Probe, play, probe, sticking_motion
 
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
-from stickslip_ros.nodes.joints.watched_joints import GainBounds, WatchedJoint
-from stickslip_ros.nodes.state.plain_data import sealed, unsealed
-from stickslip_ros.nodes.state.state_file import StateFileError, as_text, default_path, read_state, write_state
-from stickslip_ros.nodes.state.state_keeper import StateKeeper
+from stickslip_ros.nodes.kept_state import (
+    StateFileError,
+    StateKeeper,
+    as_text,
+    default_path,
+    read_state,
+    sealed,
+    unsealed,
+    write_state,
+)
+from stickslip_ros.nodes.watched_joints import GainBounds, WatchedJoint
 from stickslip_ros.settings.known_joints import load_joint
 from stickslip_ros.settings.parameter_table import COMMON, PER_JOINT
 from stickslip_ros.settings.parameters import settings_of

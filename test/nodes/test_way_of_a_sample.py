@@ -31,7 +31,7 @@ from stickslip_ros.nodes.conversion import stamp
 from stickslip_ros.nodes.monitor import Monitor
 from stickslip_ros.settings.known_joints import load_joint
 
-STEPS = {"_process_motion", "_assess", "_publish_statuses"}  # of the session: no polls, no status of the node itself
+STEPS = {"_process_motion", "_assess", "publish_statuses"}  # no polls, no status of the node itself
 RATE, BEFORE, LAST = 100.0, 1500, 300  # Hz; samples before those that are followed, and of these
 SPEED = float(sys.argv[1])  # rad/s
 times = np.arange(BEFORE + LAST) / RATE
@@ -58,7 +58,7 @@ def note(frame, event, _):
     code = frame.f_code
     if package in code.co_filename and event in ("call", "return"):
         file = code.co_filename.rpartition(package)[2]
-        step = code.co_name in STEPS and file == "nodes/session.py"
+        step = code.co_name in STEPS and file in ("nodes/session.py", "nodes/publications.py")
         depth += step and event == "call"
         if depth:
             entered.setdefault(f"{file}:{code.co_name}")

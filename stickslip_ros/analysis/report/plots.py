@@ -9,7 +9,6 @@ its axes follow the zoom.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
@@ -17,7 +16,6 @@ from typing import Any
 import numpy as np
 from bokeh.models import BoxAnnotation, ColumnDataSource, FixedTicker, HoverTool, Label, Range1d, Span, Whisker
 from bokeh.plotting import figure
-from contourpy import contour_generator
 from scipy.ndimage import distance_transform_edt
 
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
@@ -27,6 +25,7 @@ from stickslip_ros.model.friction import Gains, steady_friction
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.dry_friction import DryFriction
 from stickslip_ros.monitoring.samples import Batch, FloatArray
+from stickslip_ros.output.plotting import boundary
 from stickslip_ros.output.stability_map import MapSubject, map_of, subject_of
 from stickslip_ros.output.wording import angle_text
 
@@ -325,8 +324,8 @@ def _map_plot(subject: MapSubject, gains: Gains, title: str, caption: str) -> Pl
         axis.ticker = FixedTicker(ticks=ticks)
         axis.major_label_overrides = {tick: f"{tick:g}" for tick in ticks}
     _draw_regions(plot, found, damping)
-    for x, y in _boundary(velocities, stiffnesses, found.missing_damping(damping)[1]):
-        plot.line(_small(x), _small(y), color=INK, line_width=2).glyph.tags = ["ink"]
+    edge = boundary("", np.log(velocities), np.log(stiffnesses), found.missing_damping(damping)[1], INK, "-")
+    plot.line(_small(np.exp(edge.x)), _small(np.exp(edge.y)), color=INK, line_width=2).glyph.tags = ["ink"]
     speed, stiffness = abs(subject.velocity), float(gains.stiffness)
     if gains is subject.gains:
         plot.scatter([speed], [stiffness], size=11, color=BLUE, marker="circle", legend_label="now")
@@ -371,13 +370,6 @@ def _round_numbers(low: float, high: float) -> list[float]:
     mantissas = (1, 2, 5) if math.log10(high / low) < _FEW_DECADES else (1,)
     ticks = [mantissa * 10.0**exponent for exponent in exponents for mantissa in mantissas]
     return [float(f"{tick:g}") for tick in ticks if low <= tick <= high]
-
-
-def _boundary(x: FloatArray, y: FloatArray, field: FloatArray) -> Sequence[tuple[FloatArray, FloatArray]]:
-    """Lines on which a field over logarithmic axes is zero."""
-    masked = np.ma.masked_invalid(field)
-    lines: Any = contour_generator(np.log(x), np.log(y), masked).lines(0.0)
-    return [(np.exp(line[:, 0]), np.exp(line[:, 1])) for line in lines]
 
 
 def _dry_friction(joint: JointAnalysis) -> DryFriction | None:

@@ -21,8 +21,7 @@ import numpy as np
 
 from stickslip_ros.bags.decoding import types_of, types_of_ros
 from stickslip_ros.bags.lerobot import episode_of, files_of_episode, is_data_set, name_an_episode
-from stickslip_ros.bags.storage.bag_file import BagFile
-from stickslip_ros.bags.storage.formats import FORMATS, METADATA, format_of, is_bag_file
+from stickslip_ros.bags.storage.formats import FORMATS, METADATA, BagFile, format_of, is_bag_file
 from stickslip_ros.bags.storage.unpacking import Allowance, UnpackLimit
 from stickslip_ros.bags.table import RecordingError, convert_command, load_table
 from stickslip_ros.bags.topics import READ_TYPES

@@ -19,7 +19,7 @@ from typing import IO, NamedTuple
 import numpy as np
 
 from stickslip_ros.bags.storage import _record_kernel as kernel
-from stickslip_ros.bags.storage.bag_file import BagFile
+from stickslip_ros.bags.storage.formats import BagFile
 from stickslip_ros.bags.storage.unpacking import OPTION, Allowance
 from stickslip_ros.messages.joint_states import Block, Bytes, Channel, Integers, Warn, counts_by_channel
 

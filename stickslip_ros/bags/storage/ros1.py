@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from stickslip_ros.bags.storage.bag_file import BagFile
+from stickslip_ros.bags.storage.formats import BagFile
 from stickslip_ros.errors import reason
 from stickslip_ros.messages.joint_states import Block, Channel, Warn, blocks_of, counts_by_channel, with_progress
 

@@ -8,13 +8,14 @@ file of others need not end. A view in place of a table, or a computed column, w
 
 from __future__ import annotations
 
+import json
 import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from typing import Any
 from urllib.parse import quote
 
-from stickslip_ros.bags.storage.bag_file import BagFile
+from stickslip_ros.bags.storage.formats import BagFile
 from stickslip_ros.messages.joint_states import Block, Channel, Warn, blocks_of, counts_by_channel, with_progress
 
 _ENCODINGS = ("ros2msg", "ros2idl")
@@ -93,17 +94,13 @@ class SqliteStorage:
 
     def _messages(self, database: sqlite3.Connection, numbers: set[int]) -> Iterator[tuple[int, int, bytes]]:
         left_out = 0
-        marks = ",".join("?" * len(numbers)) if len(numbers) <= 500 else "SELECT id FROM topics"
-        bound = tuple(numbers) if len(numbers) <= 500 else ()
         # The order is that of the index of times, where there is one.
         found = database.execute(
             "SELECT topic_id, timestamp, CASE WHEN length(data) <= ? THEN data END FROM messages "
-            f"WHERE topic_id IN ({marks}) ORDER BY timestamp",
-            (self._largest, *bound),
+            "WHERE topic_id IN (SELECT value FROM json_each(?)) ORDER BY timestamp",
+            (self._largest, json.dumps(sorted(numbers))),
         )
         for number, time, data in found:
-            if number not in numbers:
-                continue
             if isinstance(data, bytes) and isinstance(time, int):
                 yield number, time, data
             else:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
@@ -19,6 +19,8 @@ from stickslip_ros.errors import StickSlipError
 from stickslip_ros.messages.gain_parameters import GainPair
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.advice.gain_ramp import GainRamp
+from stickslip_ros.monitoring.assessment import Assessment
+from stickslip_ros.monitoring.closed_loop_health import ClosedLoopHealth, health_of, swing_of, what_got_worse
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.nodes.gains.gain_writer import (
     GainWriter,
@@ -28,9 +30,9 @@ from stickslip_ros.nodes.gains.gain_writer import (
     StoppedError,
     WithdrawnError,
 )
-from stickslip_ros.nodes.gains.motion_watch import WATCH, MotionWatch
-from stickslip_ros.nodes.gains.ramp_journal import RampJournal, UnfinishedRamp
 from stickslip_ros.nodes.gains.remote_parameters import RemoteParameters
+from stickslip_ros.nodes.kept_state import RampJournal, UnfinishedRamp
+from stickslip_ros.nodes.watched_joints import WatchedJoint
 
 _LOG_EVERY = 1.0  # time between two lines on the gains of a ramp, s: a ramp of minutes fills no log
 _STEP_PERIOD = 0.1  # least time between two steps, s: the motion after a step is seen before the next
@@ -40,9 +42,95 @@ _REST = 10.0  # time at rest after which a ramp ends, s: a joint at rest does no
 _JUDGEMENT = 10.0  # time until the status after a ramp is known, s, beside the cycles below
 _CYCLES = 3.0  # number of cycles until that status is known, 1: stick-slip is a repeated motion
 _LONGEST_JUDGEMENT = 60.0  # limit of that time, s: somebody waits for the answer
+_WATCH = 1.0  # span of motion that is judged, s: gains that were in force for so long without objection are good
+_SILENT_FOR = 1.0  # time without a sample, s: a joint that is silent for longer cannot be watched
+_LEAST_BASELINE, _LONGEST_BASELINE = 2.0, 20.0  # span of the motion before the ramp, s: enough for a mean; still recent
+_BASELINE_CYCLES = 2.0  # number of stick-slip cycles in that span, 1: their largest errors are then in it
+_BAND = 5.0  # bandwidth of the joint's own motion, natural frequencies: faster motion is noise
+_SWINGS = 2.0  # number of natural periods, 1: an unstable joint swings to and fro within them
+_LONGEST_SWINGS = 5.0  # limit of their duration, s: instability has to be noticed soon
 _RANK = {Status.SMOOTH: 0, Status.AT_RISK: 1, Status.STICK_SLIP: 2}
 
 Bounds = Callable[[], tuple[tuple[float, float], tuple[float, float]]]
+
+
+class MotionWatch:
+    """Motion of a watched joint.
+
+    Parameters
+    ----------
+    watched : the joint. clock : a steady time [s].
+    """
+
+    def __init__(self, watched: WatchedJoint, clock: Callable[[], float]) -> None:
+        self._watched, self._monitor, self._clock = watched, watched.monitor, clock
+        self._before: ClosedLoopHealth | None = None
+        self._seen: tuple[float, float, float] | None = None  # inputs of the last objection
+        self._objection = ""
+        self._band = self._swings = math.nan
+
+    def assessment(self) -> Assessment:
+        """Present assessment of the joint."""
+        return self._monitor.assessment()
+
+    @property
+    def status(self) -> Status:
+        """Present status."""
+        return self._monitor.finding().status
+
+    @property
+    def cycles(self) -> int:
+        """Number of cycles so far."""
+        return self._monitor.cycle_count
+
+    def begin(self, begin: Gains, target: Gains) -> str:
+        """Measure the present motion, as the reference of later motion; returns why it cannot be measured, or ""."""
+        assessment = self._monitor.assessment()
+        stiffnesses = [float(gains.stiffness) for gains in (begin, target)]
+        inertia = float(assessment.joint.inertia) if assessment.joint is not None else math.nan
+        slowest, fastest = (math.sqrt(k / inertia) / (2.0 * math.pi) for k in (min(stiffnesses), max(stiffnesses)))
+        self._band = _BAND * fastest
+        self._swings = min(max(_WATCH, _SWINGS / slowest), _LONGEST_SWINGS) if slowest > 0.0 else _WATCH
+        cycle = assessment.last_cycle
+        longest = _BASELINE_CYCLES * cycle.period if cycle is not None else 0.0
+        self._seen = None
+        self._before = self._health(min(max(_LEAST_BASELINE, self._swings, longest), _LONGEST_BASELINE))
+        return "" if self._before is not None else "there are no samples of the joint to watch it by"
+
+    def silence(self) -> str:
+        """Sentence that no samples come any more, "" if they do."""
+        if self._clock() - self._watched.heard > _SILENT_FOR:
+            return f"the joint has not been heard for {_SILENT_FOR:g} s"
+        return ""
+
+    def objection(self, softer: float) -> str:
+        """Why the gains should not be changed further, silence included, or "".
+
+        Parameters
+        ----------
+        softer : stiffness before the ramp over the present one.
+        """
+        if silent := self.silence():
+            return silent
+        # This is called once more right before each write, seldom with a new sample.
+        seen = (self._monitor.last_time, softer, self._watched.settings.options.limits.effort)
+        if seen != self._seen:
+            self._seen, self._objection = seen, self._what_got_worse(softer, effort_limit=seen[2])
+        return self._objection
+
+    def _what_got_worse(self, softer: float, effort_limit: float) -> str:
+        recent = self._health(_WATCH)
+        if self._before is None or recent is None:
+            return ""
+        resolution = self._monitor.resolution
+        return what_got_worse(self._before, recent, softer=softer, resolution=resolution, effort_limit=effort_limit)
+
+    def _health(self, duration: float) -> ClosedLoopHealth | None:
+        recent = self._monitor.recent(duration)
+        swinging = self._monitor.recent(max(duration, self._swings))
+        if recent is None or swinging is None:
+            return None
+        return replace(health_of(recent, self._band), swing=swing_of(swinging, self._monitor.resolution))
 
 
 class _WorseError(StoppedError):
@@ -299,7 +387,7 @@ class GainApplication:
             status = self._watch.status
             # Two more cycles are stick-slip with the new gains, and not with those before.
             sticks = status is Status.STICK_SLIP and self._watch.cycles >= cycles + 2
-            if self._clock() - begun >= 2.0 * WATCH and (sticks or status is Status.SMOOTH):
+            if self._clock() - begun >= 2.0 * _WATCH and (sticks or status is Status.SMOOTH):
                 return status
         return Status.AT_RISK if self._watch.status is Status.AT_RISK else None
 
@@ -399,7 +487,7 @@ class GainApplication:
 
     def _settled_before(self) -> int:
         """Number of the last gains with which the joint moved well for long enough."""
-        settled = [number for number, (since, _) in enumerate(self._good) if self._clock() - since >= WATCH]
+        settled = [number for number, (since, _) in enumerate(self._good) if self._clock() - since >= _WATCH]
         return settled[-1] if settled else 0
 
     def _go_back(self, why: str, number: int) -> Script[str]:

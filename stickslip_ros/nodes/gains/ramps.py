@@ -18,19 +18,17 @@ from std_srvs.srv import Trigger
 
 from stickslip_ros.errors import StickSlipError
 from stickslip_ros.messages.gain_parameters import GainPair
-from stickslip_ros.nodes.gains.gain_application import GainApplication, Outcome
+from stickslip_ros.nodes.gains.gain_application import GainApplication, MotionWatch, Outcome
 from stickslip_ros.nodes.gains.gain_intake import GainIntake
-from stickslip_ros.nodes.gains.motion_watch import MotionWatch
-from stickslip_ros.nodes.gains.ramp_journal import RampJournal, UnfinishedRamp
 from stickslip_ros.nodes.intake.arrivals import NeverExecuted
-from stickslip_ros.nodes.joints.watched_joints import WatchedJoint
+from stickslip_ros.nodes.kept_state import RampJournal, UnfinishedRamp
 from stickslip_ros.nodes.other_monitors import OtherMonitors
+from stickslip_ros.nodes.watched_joints import WatchedJoint
 
 APPLY, RESTORE = "apply_recommendation", "restore_gains"
 _PATIENCE = 10.0  # time until advice has been computed, s: a client waits no longer for an answer
 
 Answer = Callable[[Any], None]
-Begin = Callable[[], list[GainApplication]]
 
 
 class DeferredService:
@@ -73,25 +71,41 @@ class NotYetError(RefusedError):
     """A request that is too early, because the advice is being computed."""
 
 
-class RampService:
-    """Services that run ramps one after the other, and answer when these have ended or are refused.
+class Ramps:
+    """Ramps of the watched joints' gains, by request and permission, one after the other.
+
+    A request is answered when its ramps have ended or are refused.
 
     Parameters
     ----------
-    services : name of each service, and a function that creates its ramps; it may raise :class:`RefusedError`, and
-        :class:`NotYetError` for some seconds.
+    node : has the services and the parameters. joints : watched joints. gains : has their controllers.
+    others : other monitors, which may change the same gains. journal : of unfinished ramps.
 
     ``state`` and ``failed`` are for the diagnostics; ``outcomes`` has the last message on each joint.
     """
 
-    def __init__(self, node: Node, services: Mapping[str, Begin]) -> None:
+    def __init__(
+        self,
+        node: Node,
+        joints: Mapping[str, WatchedJoint],
+        gains: GainIntake,
+        others: OtherMonitors,
+        journal: RampJournal,
+    ) -> None:
+        self._node, self._joints, self._gains = node, joints, gains
+        self._others, self._journal = others, journal
+        if self._journal.trouble:
+            node.get_logger().warning(self._journal.trouble)
+        self._logged: set[str] = set()
+        self._ramps_of: dict[str, Callable[[], list[GainApplication]]] = {
+            APPLY: self._to_the_advice,
+            RESTORE: self._back,
+        }
         self._services = [
-            DeferredService(node, Trigger, f"~/{name}", partial(self._on_request, name, begin))
-            for name, begin in services.items()
+            DeferredService(node, Trigger, f"~/{name}", partial(self._on_request, name)) for name in self._ramps_of
         ]
-        self._begin: Begin | None = None
         self._answer: Answer | None = None
-        self._now = self._requested_at = 0.0
+        self._now, self._not_yet, self._requested_at = 0.0, "", 0.0
         self._queue: list[GainApplication] = []
         self._done: list[Outcome] = []
         self._name = ""
@@ -104,9 +118,14 @@ class RampService:
         """Whether a request is under way, so that samples have to be processed at once."""
         return self._answer is not None
 
-    def tick(self, now: float) -> None:
-        """Drain requests and continue the ramps; ``now`` is a steady time [s]."""
-        self._now = now
+    def tick(self, now: float, not_yet: str = "") -> None:
+        """Drain requests and continue the ramps.
+
+        Parameters
+        ----------
+        now : a steady time [s]. not_yet : why nothing can be judged yet, "" if it can.
+        """
+        self._now, self._not_yet = now, not_yet
         for service in self._services:
             service.take_all()
         if self._answer is not None and not self._queue:
@@ -148,18 +167,20 @@ class RampService:
         for service in self._services:
             service.close()
 
-    def _on_request(self, name: str, begin: Begin, _: Trigger.Request, answer: Answer) -> None:
+    def _on_request(self, name: str, _: Trigger.Request, answer: Answer) -> None:
         if self._answer is not None:
             joint = self._queue[0].joint if self._queue else "the advice"
             answer(Trigger.Response(success=False, message=f"refused: already at work on {joint}"))
             return
-        self._name, self._begin = name, begin
-        self._answer, self._done, self._requested_at = answer, [], self._now
+        self._name, self._answer, self._done, self._requested_at = name, answer, [], self._now
 
     def _try_to_begin(self) -> None:
-        assert self._begin is not None
         try:
-            self._queue = self._begin()
+            if self._not_yet:
+                raise NotYetError(self._not_yet)
+            if not self._node.get_parameter("allow_apply").value:
+                raise RefusedError("allow_apply is false; set it to true where gains may be written")
+            self._queue = self._ramps_of[self._name]()
         except NotYetError as refused:
             if self._now - self._requested_at > _PATIENCE:
                 self._end(success=False, message=f"refused: {refused}")
@@ -171,41 +192,6 @@ class RampService:
         if self._answer is not None:
             self._answer(Trigger.Response(success=success, message=message))
         self._answer = None
-
-
-class Ramps(RampService):
-    """Ramps of the watched joints' gains, by request and permission.
-
-    Parameters
-    ----------
-    node : has the services and the parameters. joints : watched joints. gains : has their controllers.
-    others : other monitors, which may change the same gains. journal : of unfinished ramps.
-    """
-
-    def __init__(
-        self,
-        node: Node,
-        joints: Mapping[str, WatchedJoint],
-        gains: GainIntake,
-        others: OtherMonitors,
-        journal: RampJournal,
-    ) -> None:
-        super().__init__(node, {APPLY: self._to_the_advice, RESTORE: self._back})
-        self._node, self._joints, self._gains, self._not_yet = node, joints, gains, ""
-        self._others, self._journal = others, journal
-        if self._journal.trouble:
-            node.get_logger().warning(self._journal.trouble)
-        self._logged: set[str] = set()
-
-    def tick(self, now: float, not_yet: str = "") -> None:
-        """Drain requests and continue their ramps.
-
-        Parameters
-        ----------
-        now : a steady time [s]. not_yet : why nothing can be judged yet, "" if it can.
-        """
-        self._not_yet = not_yet
-        super().tick(now)
 
     @property
     def trouble(self) -> str:
@@ -245,15 +231,8 @@ class Ramps(RampService):
         controller = self._gains.controller_of(joint)
         return controller.remote if controller is not None else ""
 
-    def _require_permission(self) -> None:
-        if self._not_yet:
-            raise NotYetError(self._not_yet)
-        if not self._node.get_parameter("allow_apply").value:
-            raise RefusedError("allow_apply is false; set it to true where gains may be written")
-
     def _to_the_advice(self) -> list[GainApplication]:
         """Ramps to the advice, for every joint that needs it."""
-        self._require_permission()
         ramps, reasons = [], []
         for joint in self._joints.values():
             other = self._others.watching(joint.name)
@@ -275,7 +254,6 @@ class Ramps(RampService):
 
     def _back(self) -> list[GainApplication]:
         """Ramps back to the first gains of ramps that did not come to a good end."""
-        self._require_permission()
         ramps, reasons = [], []
         for name, unfinished in self._journal.items():
             joint = self._joints.get(name)

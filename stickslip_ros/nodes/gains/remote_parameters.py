@@ -59,9 +59,10 @@ class RemoteParameters:
         for listener in list(self.listeners):
             listener(changes)
 
-    def ready(self) -> bool:
-        """Whether the other node is there."""
-        return bool(self._list.service_is_ready() and self._get.service_is_ready())
+    def ready(self, *, to_set: bool = False) -> bool:
+        """Whether the other node is there; ``to_set``: and can be told values."""
+        clients = (self._list, self._get, self._set) if to_set else (self._list, self._get)
+        return all(client.service_is_ready() for client in clients)
 
     @property
     def busy(self) -> bool:
@@ -79,11 +80,9 @@ class RemoteParameters:
             self._get, GetParameters.Request(names=list(names)), now, lambda answer: then(answer and answer.values)
         )
 
-    def set(self, values: Mapping[str, float], now: float, then: Then) -> None:
+    def set(self, values: Mapping[str, float | str], now: float, then: Then) -> None:
         """Set several at once or none; the answer is a SetParametersResult."""
-        parameters = [
-            Parameter(name, Parameter.Type.DOUBLE, value).to_parameter_msg() for name, value in values.items()
-        ]
+        parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
         request = SetParametersAtomically.Request(parameters=parameters)
         self._request(self._set, request, now, lambda answer: then(answer and answer.result))
 

@@ -5,14 +5,15 @@
 rclpy's executor costs 60 to 190 µs a message however small the callback. Draining all waiting messages at once costs a
 tenth of that, and loses none as long as the queue holds a drain period's worth.
 
-The desired motion comes as JointStates, or as the states that a controller of control_msgs publishes.
+The desired motion comes as JointStates, or as the states that a controller of control_msgs publishes. Publishers on a
+topic are known by the names of their nodes. What is refused is counted for the diagnostics, and logged once.
 """
 
 from __future__ import annotations
 
 import math
-from collections import deque
-from collections.abc import Callable, Sequence
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from time import monotonic, time
@@ -21,7 +22,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.callback_groups import CallbackGroup
-from rclpy.node import Node
+from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
 from rclpy.topic_endpoint_info import TopicEndpointInfo
@@ -42,10 +43,13 @@ from stickslip_ros.messages.joint_states import (
     with_time,
     with_times,
 )
-from stickslip_ros.nodes.intake.publishers import NAMED, name_of
-from stickslip_ros.nodes.intake.refusals import Refusals
 from stickslip_ros.visible import listed
 
+NAMED = 3  # number of names in a sentence, 1: a longer list is not read
+SCAN_EVERY = 1.0  # time between two scans of the graph for missing publishers and nodes, s: each goes through all nodes
+_UNKNOWN = "_NODE_NAME_UNKNOWN_"  # name in the graph before the name of a node is known
+_MOST_REASONS = 64  # number of reasons, 1: they may quote names from the graph, so their number is bounded
+_TOLD = 60.0  # time after a refusal for which the node's status is about it, s: an operator looks by then
 ARRIVAL = "arrival"
 _BY_THE_SYSTEM = "arrival by the system's clock (use_sim_time is true, and nothing is heard on /clock)"
 _MOST_AT_ONCE = 10_000  # number of messages in one drain, 1: more than any queue holds
@@ -55,7 +59,7 @@ _MOST_BYTES = 256e6  # size of a backlog, bytes: minutes of messages while the n
 Taken = TypeVar("Taken")
 _LONGEST_GAP = 5000  # gap in the sequence numbers, messages: after a larger one another publisher is assumed
 _MOST_STREAMS = 16  # number of publishers that are distinguished, 1: few topics have more than two
-_SCAN_EVERY = 0.5  # time between two counts of publishers, s: several publishers of a joint are reported within it
+_COUNT_EVERY = 0.5  # time between two counts of publishers, s: several publishers of a joint are reported within it
 _CONTESTED = 4  # steps back in a joint's sequence numbers between two scans, 1: a restart of its publisher makes one
 _LONGEST_REASON = 300  # length of a reason, characters: it may quote names from the graph
 STATES, REFERENCES = "joint_states", "joint_references"
@@ -67,6 +71,36 @@ REFERENCE_TYPES = {
 }
 _QUEUE = 5000  # depth of a queue, messages: five seconds at 1 kHz without a drain lose none
 _PENDING_PER_TICK = 5.0  # span of waiting messages that one tick processes, s: a tick stays short
+
+
+class Refusals:
+    """Reasons and how often each occurred; their number is bounded.
+
+    Parameters
+    ----------
+    warn : writes to the log. clock : steady [s].
+    """
+
+    def __init__(self, warn: Callable[[str], None], clock: Callable[[], float] = monotonic) -> None:
+        self._warn, self._clock = warn, clock
+        self.counts: Counter[str] = Counter()
+        self._times: dict[str, float] = {}  # of the last of each [s]
+
+    def __call__(self, reason: str, count: int = 1) -> None:
+        """Count a refusal."""
+        if reason not in self.counts:
+            if len(self.counts) >= _MOST_REASONS:
+                reason = "more reasons than are kept"
+            if reason not in self.counts:
+                self._warn(f"refused: {reason}")
+        self.counts[reason] += count
+        self._times[reason] = self._clock()
+
+    @property
+    def latest(self) -> str:
+        """Of the last minute's reasons the one that occurred first most recently, "" if there is none."""
+        begin = self._clock() - _TOLD
+        return next((reason for reason, time in reversed(self._times.items()) if time > begin), "")
 
 
 class NeverExecuted(CallbackGroup):
@@ -227,37 +261,6 @@ class ArrivalTimes:
         return np.linspace(before, now, len(infos) + 1)[1:]
 
 
-class Backlog(Generic[Taken]):
-    """Drained messages in order; the oldest are dropped where they become too many. ``dropped`` counts them."""
-
-    def __init__(self) -> None:
-        self._waiting: deque[tuple[float, Taken, int, int]] = deque()
-        self._bytes = 0
-        self.dropped = 0
-
-    def add(self, now: float, taken: Taken, count: int, size: int) -> None:
-        """Add ``count`` messages of ``size`` bytes, drained at a steady time [s]."""
-        self._waiting.append((now, taken, count, size))
-        self._bytes += size
-        while self._bytes > _MOST_BYTES and len(self._waiting) > 1:
-            self.dropped += self._waiting[0][2]
-            self._bytes -= self._waiting.popleft()[3]
-
-    def pop_until(self, until: float) -> list[Taken]:
-        """The messages that were drained until a steady time [s]; they are removed."""
-        found = []
-        while self._waiting and self._waiting[0][0] <= until:
-            _, taken, _, size = self._waiting.popleft()
-            self._bytes -= size
-            found.append(taken)
-        return found
-
-    @property
-    def oldest(self) -> float:
-        """When the oldest messages were drained, a steady time [s]; infinite if none wait."""
-        return self._waiting[0][0] if self._waiting else math.inf
-
-
 class SequenceNumbers:
     """Sequence numbers of the publishers on one topic; ``lost`` counts messages that never came.
 
@@ -283,6 +286,75 @@ class SequenceNumbers:
             self._last = [*self._last[-_MOST_STREAMS + 1 :], number]
 
 
+class MotionTopic(Generic[Taken]):
+    """A topic of motion. What is drained waits until it is due; the oldest is dropped where it becomes too much.
+
+    Parameters
+    ----------
+    refuse : called with the reason why a message is refused.
+
+    ``messages`` : number of messages.
+    """
+
+    def __init__(
+        self, node: Node, message_type: type, topic: str, qos: QoSProfile, refuse: Refusals, *, raw: bool = False
+    ) -> None:
+        self._topic, self._refuse = topic, refuse
+        self.subscription = DrainedSubscription(node, message_type, topic, qos, raw=raw)
+        self._arrivals = ArrivalTimes(node)
+        # When they were drained, a steady time [s], what was drained, number of messages, and size [bytes].
+        self._backlog: deque[tuple[float, Taken, int, int]] = deque()
+        self._bytes = 0
+        self.messages = 0
+
+    @property
+    def waits_since(self) -> float:
+        """When the oldest waiting messages were drained, a steady time [s]; infinite if none wait."""
+        return self._backlog[0][0] if self._backlog else math.inf
+
+    def keep(self) -> None:
+        """Drain the messages that have arrived into the backlog; the middleware keeps no more than its queue holds."""
+        taken = self.subscription.take_all()
+        arrivals = self._arrivals.of([info for _, info in taken])
+        if not taken:
+            return
+        self.messages += len(taken)
+        drained, size = self._drained(taken, arrivals)
+        self._backlog.append((monotonic(), drained, len(taken), size))
+        self._bytes += size
+        dropped = 0
+        while self._bytes > _MOST_BYTES and len(self._backlog) > 1:
+            dropped += self._backlog[0][2]
+            self._bytes -= self._backlog.popleft()[3]
+        if dropped:
+            self._refuse_many("too many while the node compiled; the oldest were dropped", dropped)
+
+    def samples_until(self, until: float) -> dict[str, FloatArray]:
+        """Rows of time, position, velocity and perhaps effort of each joint, of messages until a steady time [s]."""
+        self.keep()
+        parts = []
+        while self._backlog and self._backlog[0][0] <= until:
+            _, drained, _, size = self._backlog.popleft()
+            self._bytes -= size
+            parts.append(self._rows(drained))
+        return joined(parts)
+
+    def _drained(self, taken: list[tuple[Any, dict[str, int]]], arrivals: FloatArray) -> tuple[Taken, int]:
+        """What is kept of messages with their arrival times [s], and its size [bytes]."""
+        raise NotImplementedError
+
+    def _rows(self, drained: Taken) -> dict[str, FloatArray]:
+        """Rows of each joint, of what was kept."""
+        raise NotImplementedError
+
+    def _refuse_many(self, reason: str, count: int) -> None:
+        self._refuse(f"{self._topic}: {reason[:_LONGEST_REASON]}", count)
+
+    def close(self) -> None:
+        """Close the subscription."""
+        self.subscription.close()
+
+
 @dataclass(frozen=True, kw_only=True)
 class _Drained:
     """Messages of one drain, their arrival times [s], and their sequence numbers, None where there are none."""
@@ -292,33 +364,25 @@ class _Drained:
     numbers: list[int] | None
 
 
-class JointStateTopic:
+class JointStateTopic(MotionTopic[_Drained]):
     """Subscription of JointStates, and the rows of each joint.
-
-    Parameters
-    ----------
-    refuse : called with the reason why a message is refused.
 
     Attributes
     ----------
-    messages : number of messages; waiting : largest number in a drain since the last :meth:`reset_figures`.
+    waiting : largest number of messages in a drain since the last :meth:`reset_figures`.
     oldest : arrival of the oldest message since then, in the system's time [s]; NaN if none came.
     contested : joints that several publishers move at once, which gives no single motion.
     contest : sentence with the names of the publishers then, "" otherwise.
     """
 
     def __init__(self, node: Node, topic: str, qos: QoSProfile, refuse: Refusals) -> None:
-        self._topic, self._refuse = topic, refuse
-        self.subscription = DrainedSubscription(node, JointState, topic, qos, raw=True)
+        super().__init__(node, JointState, topic, qos, refuse, raw=True)
         self._decoder = JointStateDecoder()
-        self._arrivals = ArrivalTimes(node)
         self._sequence = SequenceNumbers()
         self._scanned_at = 0.0
         self._last_number: dict[str, int] = {}
         self._steps_back: dict[str, int] = {}
-        self.backlog: Backlog[_Drained] = Backlog()
-        self.publishers = 0
-        self.messages = self.waiting = 0
+        self.publishers = self.waiting = 0
         self.oldest = np.nan
         self.contested: frozenset[str] = frozenset()
         self.contest = ""
@@ -333,13 +397,11 @@ class JointStateTopic:
         self.waiting, self.oldest = 0, np.nan
 
     def keep(self) -> None:
-        """Drain the messages that have arrived into the backlog; the middleware keeps no more than its queue holds."""
-        taken = self.subscription.take_all()
+        """See :class:`MotionTopic`; what is known of the publishers is renewed."""
         self._scan_graph()
-        arrivals = self._arrivals.of([info for _, info in taken])
-        if not taken:
-            return
-        self.messages += len(taken)
+        super().keep()
+
+    def _drained(self, taken: list[tuple[Any, dict[str, int]]], arrivals: FloatArray) -> tuple[_Drained, int]:
         self.waiting = max(self.waiting, len(taken))
         if not self.oldest <= self._arrivals.first:
             self.oldest = self._arrivals.first
@@ -348,16 +410,7 @@ class JointStateTopic:
         if numbered:
             self._sequence.add_numbers(numbers)
         block = Block.of_messages(((0, 0, data) for data, _ in taken), {})
-        drained = _Drained(messages=block, arrivals=arrivals, numbers=numbers if numbered else None)
-        self.backlog.add(monotonic(), drained, len(taken), len(block.buffer))
-        if self.backlog.dropped:
-            self._refuse_many("too many while the node compiled; the oldest were dropped", self.backlog.dropped)
-            self.backlog.dropped = 0
-
-    def samples_until(self, until: float) -> dict[str, FloatArray]:
-        """Rows of time, position, velocity and effort of each joint, of messages until a steady time [s]."""
-        self.keep()
-        return joined([self._rows(drained) for drained in self.backlog.pop_until(until)])
+        return _Drained(messages=block, arrivals=arrivals, numbers=numbers if numbered else None), len(block.buffer)
 
     def _rows(self, drained: _Drained) -> dict[str, FloatArray]:
         block = drained.messages
@@ -375,7 +428,7 @@ class JointStateTopic:
 
     def _scan_graph(self) -> None:
         now = monotonic()
-        if now - self._scanned_at < _SCAN_EVERY:
+        if now - self._scanned_at < _COUNT_EVERY:
             return
         self._scanned_at = now
         self.publishers = self.subscription.publishers
@@ -402,13 +455,6 @@ class JointStateTopic:
             self._last_number[name] = int(mine[-1])
             if steps:
                 self._steps_back[name] = self._steps_back.get(name, 0) + steps
-
-    def _refuse_many(self, reason: str, count: int) -> None:
-        self._refuse(f"{self._topic}: {reason[:_LONGEST_REASON]}", count)
-
-    def close(self) -> None:
-        """Close the subscription."""
-        self.subscription.close()
 
 
 def joined(parts: list[dict[str, FloatArray]]) -> dict[str, FloatArray]:
@@ -444,52 +490,27 @@ def reference_message_type(name: str) -> type:
         raise StickSlipError(f"reference_type {name} needs the package control_msgs: {error}") from error
 
 
-class ControllerStateTopic:
-    """A topic of JointTrajectoryControllerState or MultiDOFStateStamped, which is decoded message by message.
+class ControllerStateTopic(MotionTopic[dict[str, FloatArray]]):
+    """A topic of JointTrajectoryControllerState or MultiDOFStateStamped, which is decoded message by message."""
 
-    ``messages`` : number of messages.
-    """
-
-    def __init__(self, node: Node, message_type: type, topic: str, qos: QoSProfile, refuse: Refusals) -> None:
-        self._topic, self._refuse = topic, refuse
-        self.subscription = DrainedSubscription(node, message_type, topic, qos)
-        self._arrivals = ArrivalTimes(node)
-        self.messages = 0
-        self.backlog: Backlog[dict[str, FloatArray]] = Backlog()
-
-    def samples_until(self, until: float) -> dict[str, FloatArray]:
-        """Rows of time, position and velocity of each joint, of messages until a steady time [s]."""
-        self.keep()
-        return joined(self.backlog.pop_until(until))
-
-    def keep(self) -> None:
-        """Drain the messages that have arrived into the backlog."""
-        taken = self.subscription.take_all()
-        self.messages += len(taken)
-        arrivals = self._arrivals.of([info for _, info in taken])
+    def _drained(
+        self, taken: list[tuple[Any, dict[str, int]]], arrivals: FloatArray
+    ) -> tuple[dict[str, FloatArray], int]:
         rows: dict[str, list[tuple[float, float, float]]] = {}
         for (message, _), arrival in zip(taken, arrivals.tolist(), strict=True):
-            self._process_message(message, arrival, rows)
-        if rows:
-            tables = {name: np.array(found) for name, found in rows.items()}
-            self.backlog.add(monotonic(), tables, len(taken), sum(table.nbytes for table in tables.values()))
+            try:
+                found = reference_rows(message)
+            except MessageError as error:
+                self._refuse(f"{self._topic}: {error}")
+                continue
+            time = with_time(seconds(message.header.stamp), arrival, self._arrivals.what, self._refuse_many)
+            for name, (position, velocity) in found.items():
+                rows.setdefault(name, []).append((time, position, velocity))
+        tables = {name: np.array(found) for name, found in rows.items()}
+        return tables, sum(table.nbytes for table in tables.values())
 
-    def _process_message(self, message: Any, arrival: float, rows: dict[str, list[tuple[float, float, float]]]) -> None:
-        try:
-            found = reference_rows(message)
-        except MessageError as error:
-            self._refuse(f"{self._topic}: {error}")
-            return
-        time = with_time(seconds(message.header.stamp), arrival, self._arrivals.what, self._refuse_many)
-        for name, (position, velocity) in found.items():
-            rows.setdefault(name, []).append((time, position, velocity))
-
-    def _refuse_many(self, reason: str, count: int) -> None:
-        self._refuse(f"{self._topic}: {reason}", count)
-
-    def close(self) -> None:
-        """Close the subscription."""
-        self.subscription.close()
+    def _rows(self, drained: dict[str, FloatArray]) -> dict[str, FloatArray]:
+        return drained
 
 
 class Arrivals:
@@ -557,4 +578,41 @@ class Arrivals:
     @property
     def _oldest(self) -> float:
         """Arrival of the oldest waiting message, a steady time [s]; infinite if none waits."""
-        return min(self.states.backlog.oldest, self._references.backlog.oldest)
+        return min(self.states.waits_since, self._references.waits_since)
+
+
+def is_named(publisher: TopicEndpointInfo) -> bool:
+    """Whether the name of its node is known yet."""
+    return _UNKNOWN not in publisher.node_name
+
+
+def names_of(publishers: Iterable[TopicEndpointInfo]) -> list[str]:
+    """Fully qualified names of their nodes, each once."""
+    return sorted({name_of(one) for one in publishers})
+
+
+def publishers_by_topic(node: Node, message_type: str) -> dict[str, list[str]]:
+    """Topics on which other nodes publish messages of a type, each with their fully qualified names.
+
+    A query of the graph by topic would apply the node's own remappings, which other nodes do not have.
+    """
+    found: dict[str, list[str]] = {}
+    for name, space in sorted(node.get_node_names_and_namespaces()):
+        full = f"{space.rstrip('/')}/{name}"
+        if full == node.get_fully_qualified_name():
+            continue
+        try:
+            topics = node.get_publisher_names_and_types_by_node(name, space)
+        except NodeNameNonExistentError:  # it has gone meanwhile
+            continue
+        for topic, kinds in topics:
+            if message_type in kinds:
+                found.setdefault(topic, []).append(full)
+    return found
+
+
+def name_of(publisher: TopicEndpointInfo) -> str:
+    """Fully qualified name of its node."""
+    if not is_named(publisher):
+        return "a node without a name"
+    return f"{publisher.node_namespace.rstrip('/')}/{publisher.node_name}"

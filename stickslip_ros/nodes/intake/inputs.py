@@ -8,6 +8,7 @@ import math
 import os
 import sys
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from rclpy.node import Node
@@ -18,14 +19,18 @@ from stickslip_ros.messages.joint_states import TYPE
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.nodes.gains.gain_intake import PD_GAINS, GainIntake
 from stickslip_ros.nodes.intake.arrivals import (
+    NAMED,
     REFERENCE_TYPES,
     REFERENCES,
+    SCAN_EVERY,
     STATES,
     JointStateTopic,
+    is_named,
+    names_of,
+    publishers_by_topic,
     reference_type_name,
 )
-from stickslip_ros.nodes.intake.publishers import NAMED, SCAN_EVERY, is_named, names_of, publishers_by_topic
-from stickslip_ros.nodes.joints.watched_joints import WatchedJoint, WatchedJoints
+from stickslip_ros.nodes.watched_joints import WatchedJoint, WatchedJoints
 from stickslip_ros.output.wording import references_off_text
 from stickslip_ros.regular_files import read_yaml
 from stickslip_ros.settings.parameter_names import (
@@ -63,11 +68,8 @@ class UnknownParameters:
     def __init__(self, node: Node, arguments: Sequence[str] | None = None) -> None:
         self._node = node
         given = sys.argv if arguments is None else arguments
-        self._sections = list(_given_sections(given))
-        self._in_files = misnamed_sections(self._sections, node.get_fully_qualified_name())
-        self._in_files += [
-            text for option, path in _given(given) if option == _FILE for text in _repeated_in(Path(path))
-        ]
+        self._sections, duplicate_keys = _given_sections(given)
+        self._in_files = [*misnamed_sections(self._sections, node.get_fully_qualified_name()), *duplicate_keys]
         self._logged: set[str] = set()
         self._unheard: set[str] = set()  # joints of unknown parameters, "" for none
         self._began = math.nan
@@ -137,36 +139,25 @@ def _given(arguments: Sequence[str]) -> Iterator[tuple[str, str]]:
             yield word, behind
 
 
-def _given_sections(arguments: Sequence[str]) -> Iterator[FileSection]:
-    """Sections of --params-file and -p node:name:=value, among ROS's arguments."""
+def _given_sections(arguments: Sequence[str]) -> tuple[list[FileSection], list[str]]:
+    """Sections of --params-file and -p node:name:=value among ROS's arguments, and a sentence on each key that occurs
+    twice in a file: one value counts, and the other is lost.
+    """
+    sections: list[FileSection] = []
+    duplicate_keys = []
     for option, value in _given(arguments):
-        if option == _FILE:
-            yield from _sections_in(Path(value))
-        elif option in ("-p", "--param"):
-            node, colon, parameter = value.partition(":=")[0].rpartition(":")
-            if colon:
-                yield FileSection(f"/{node.lstrip('/')}", {parameter: None})
-
-
-def _sections_in(path: Path) -> list[FileSection]:
-    try:
-        return sections_of(read_yaml(path))
-    except (OSError, ValueError, RecursionError):
-        # rcl has read the file, and reports what is wrong with it.
-        return []
-
-
-def _repeated_in(path: Path) -> list[str]:
-    """Sentence on a key that occurs twice in a file that can be read: one value counts, and the other is lost."""
-    try:
-        read_yaml(path)
-    except (OSError, ValueError, RecursionError):
-        return []
-    try:
-        read_yaml(path, unique=True)
-    except ValueError as error:
-        return [f"parameter file {path}: {reason(error)}"]
-    return []
+        node, colon, parameter = value.partition(":=")[0].rpartition(":")
+        if option in ("-p", "--param") and colon:
+            sections.append(FileSection(f"/{node.lstrip('/')}", {parameter: None}))
+        elif option == _FILE:
+            # Of a file that cannot be read rcl reports what is wrong with it.
+            with suppress(OSError, ValueError, RecursionError):
+                sections += sections_of(read_yaml(Path(value)))
+                try:
+                    read_yaml(Path(value), unique=True)
+                except ValueError as error:
+                    duplicate_keys.append(f"parameter file {value}: {reason(error)}")
+    return sections, duplicate_keys
 
 
 class PublishedTypes:

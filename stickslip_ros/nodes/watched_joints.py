@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 import re
 import traceback
-from collections.abc import Callable, ItemsView, Iterable, Iterator, Mapping, ValuesView
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from operator import is_not
@@ -31,8 +31,7 @@ from stickslip_ros.monitoring.detection.cycles import Cycle
 from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import FloatArray, ReferencePairing
-from stickslip_ros.nodes.intake.refusals import Refusals
-from stickslip_ros.nodes.joints import joint_parameters
+from stickslip_ros.nodes import node_parameters
 from stickslip_ros.settings.parameter_table import COMMON, PER_JOINT
 from stickslip_ros.settings.parameters import JointSettings
 
@@ -55,30 +54,10 @@ _PACE_OVER = 0.2  # span over which the pace of a joint is measured, s: a count 
 _BEHIND = 0.1  # lag behind the expected position that is no surprise, s at the joint's pace
 _LOG_EVERY = 1.0  # time between two lines on a joint's gains, s: a ramp changes them many times a second
 _UNEVENTFUL = (Status.SMOOTH, Status.AT_REST)
-
-
-class GainBounds:
-    """The first limits of a joint that have an upper end, in the controller's units.
-
-    These limits hold as long as the node runs. Whoever can set parameters can request narrower limits or other advice,
-    but no gains outside the limits that the robot's owner configured are written.
-    """
-
-    def __init__(self) -> None:
-        self._first: dict[tuple[str, str], tuple[float, float]] = {}
-
-    def note(self, name: str, settings: JointSettings) -> None:
-        """Store a joint's limits, if they are the first."""
-        for which in RANGES:
-            limits = _limits(settings, which)
-            if math.isfinite(limits[1]):
-                self._first.setdefault((name, which), limits)
-
-    def of(self, name: str, settings: JointSettings, which: str) -> tuple[float, float]:
-        """Limits of gains that may be written, for one of :data:`RANGES`: the present limits within the first ones."""
-        now = _limits(settings, which)
-        first = self._first.get((name, which), now)
-        return max(now[0], first[0]), min(now[1], first[1])
+# The first limits that have an upper end, in the controller's units, by joint and one of RANGES. They hold as long as
+# the node runs: whoever can set parameters can request narrower limits or other advice, but no gains outside the
+# limits that the robot's owner configured are written.
+GainBounds = dict[tuple[str, str], tuple[float, float]]
 
 
 def _limits(settings: JointSettings, which: str) -> tuple[float, float]:
@@ -105,13 +84,13 @@ class WatchedJoint:
     trouble: str = ""
 
     def __post_init__(self) -> None:
-        self.configured_bounds.note(self.name, self.settings)
+        self._note_bounds()
 
     def follow(self, settings: JointSettings) -> None:
         """Apply other settings."""
         self.settings = settings
         self.monitor.joint, self.monitor.options = settings.joint, settings.options
-        self.configured_bounds.note(self.name, settings)
+        self._note_bounds()
 
     def restart(self) -> None:
         """Discard the motion, and samples that wait for their reference."""
@@ -119,17 +98,23 @@ class WatchedJoint:
         self.monitor.restart()
 
     def bounds(self, which: str) -> tuple[float, float]:
-        """Limits of gains that may be written, "stiffness_range" or "damping_range", in the controller's units."""
-        return self.configured_bounds.of(self.name, self.settings, which)
+        """Limits of gains that may be written, for one of :data:`RANGES`, in the controller's units: the present limits
+        within the first ones.
+        """
+        now = _limits(self.settings, which)
+        first = self.configured_bounds.get((self.name, which), now)
+        return max(now[0], first[0]), min(now[1], first[1])
+
+    def _note_bounds(self) -> None:
+        for which in RANGES:
+            limits = _limits(self.settings, which)
+            if math.isfinite(limits[1]):
+                self.configured_bounds.setdefault((self.name, which), limits)
 
     @cached_property
     def parameters(self) -> frozenset[str]:
         """Names of the parameters that are this joint's."""
         return frozenset(spec.name.format(joint=self.name) for spec in PER_JOINT)
-
-    def add_samples(self, rows: FloatArray) -> None:
-        """Add rows of time, position, velocity and effort, shape (n, 4), the effort in its publisher's units."""
-        self.pairing.add_samples(rows, self.settings.effort_scale)
 
     def advised(self, assessment: Assessment) -> Gains | None:
         """Recommended gains in the controller's units, None if there are none or the present ones are not known."""
@@ -165,7 +150,7 @@ class WatchedJoint:
         return ""
 
 
-class WatchedJoints(Mapping[str, WatchedJoint]):
+class WatchedJoints(dict[str, WatchedJoint]):
     """The watched joints by name: those configured, or every one that is heard of.
 
     Parameters
@@ -180,13 +165,13 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
         node: Node,
         names: tuple[str, ...],
         bounds: GainBounds,
-        own_change: joint_parameters.OwnChange,
+        own_change: node_parameters.OwnChange,
         adviser: Callable[[str], Adviser],
-        refuse: Refusals,
+        refuse: Callable[[str], object],
     ) -> None:
+        super().__init__()
         self._node, self._adviser, self._refuse = node, adviser, refuse
         self._bounds, self._own_change = bounds, own_change
-        self._joints: dict[str, WatchedJoint] = {}
         self._contested: frozenset[str] = frozenset()
         log = node.get_logger()
         self._whole_turns, self._reference_turns = WholeTurns(log.info), WholeTurns()
@@ -195,43 +180,20 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
         for name in names:
             self._add(name)
 
-    def __getitem__(self, name: str) -> WatchedJoint:
-        return self._joints[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._joints)
-
-    def __len__(self) -> int:
-        return len(self._joints)
-
-    # The methods of a Mapping would get every joint by its name, many thousand times a second.
-
-    def __contains__(self, name: object) -> bool:
-        """Whether a joint is watched."""
-        return name in self._joints
-
-    def items(self) -> ItemsView[str, WatchedJoint]:
-        """Names and joints."""
-        return self._joints.items()
-
-    def values(self) -> ValuesView[WatchedJoint]:
-        """The joints."""
-        return self._joints.values()
-
     def _add(self, name: str) -> WatchedJoint:
         with self._own_change:
-            joint_parameters.declare(self._node, name)
-        settings = joint_parameters.read(self._node, name)
+            node_parameters.declare_joint(self._node, name)
+        settings = node_parameters.read_joint(self._node, name)
         monitor = JointMonitor(
             settings.joint, settings.gains, settings.options, self._adviser(name), segments_kept=0, at_arrest=True
         )
-        joint = self._joints[name] = WatchedJoint(name, monitor, settings, self._bounds)
+        joint = self[name] = WatchedJoint(name, monitor, settings, self._bounds)
         self._note_fed_forward()
         return joint
 
     def _note_fed_forward(self) -> None:
         # The names are read much more often than settings change.
-        self.fed_forward = tuple(name for name, one in self._joints.items() if one.settings.feedforward.share > 0)
+        self.fed_forward = tuple(name for name, one in self.items() if one.settings.feedforward.share > 0)
 
     def hear(self, samples: Mapping[str, FloatArray], references: Mapping[str, FloatArray], now: float) -> list[str]:
         """Pass samples and references to the joints they are of; returns the joints that are heard of first.
@@ -241,16 +203,16 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
         samples : rows of time, position, velocity and effort of each joint. references : rows that begin with time,
             position and velocity. now : a steady time [s].
         """
-        new = [name for name in samples if name not in self._joints and self._welcome(name)]
+        new = [name for name in samples if name not in self and self._welcome(name)]
         for name, rows in samples.items():
-            joint = self._joints.get(name)
+            joint = self.get(name)
             if joint is not None:
                 joint.heard = now
                 if name not in self._contested:
-                    joint.add_samples(self._whole_turns.removed(name, rows))
+                    joint.pairing.add_samples(self._whole_turns.removed(name, rows), joint.settings.effort_scale)
         for name, rows in references.items():
-            if name in self._joints:
-                self._joints[name].pairing.add_references(self._reference_turns.removed(name, rows[:, :3]))
+            if name in self:
+                self[name].pairing.add_references(self._reference_turns.removed(name, rows[:, :3]))
         return new
 
     def _welcome(self, name: str) -> bool:
@@ -260,7 +222,7 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
         if not _JOINT_NAME.fullmatch(name):
             self._refuse("joint_states: a joint name has characters other than letters, digits, _ - /")
             return False
-        if len(self._joints) >= MOST_JOINTS:
+        if len(self) >= MOST_JOINTS:
             self._refuse(f"joint_states: more than {MOST_JOINTS} joints")
             return False
         try:
@@ -274,7 +236,7 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
         """Restart joints that several publishers move, with ``contest`` as their trouble; clear that of the others."""
         if not contested and not self._contested:
             return
-        for name, joint in self._joints.items():
+        for name, joint in self.items():
             if name in contested and not joint.trouble:
                 # The samples until now were of two motions.
                 joint.restart()
@@ -290,28 +252,28 @@ class WatchedJoints(Mapping[str, WatchedJoint]):
             If changes would make no joint.
         """
         for joint in self._concerned(changes):
-            joint_parameters.read(self._node, joint.name, changes)
+            node_parameters.read_joint(self._node, joint.name, changes)
 
     def apply(self, changes: Mapping[str, Parameter]) -> list[tuple[WatchedJoint, Gains | None]]:
         """Apply parameters that have changed; returns the gains, in SI units, that follow for some joints."""
         gains: list[tuple[WatchedJoint, Gains | None]] = []
         for joint in self._concerned(changes):
             before = joint.settings
-            joint.follow(joint_parameters.read(self._node, joint.name))
+            joint.follow(node_parameters.read_joint(self._node, joint.name))
             if any(name.startswith(f"gains.{joint.name}.") for name in changes):
                 gains.append((joint, joint.settings.gains))
             elif joint.settings.gain_scale != before.gain_scale and joint.monitor.gains is not None:
                 gains.append((joint, joint.settings.to_si(before.from_si(joint.monitor.gains))))
             if any(name.startswith(f"limits.{joint.name}.") for name in changes):
-                joint_parameters.describe_recommended(self._node, joint.name)
+                node_parameters.describe_recommended(self._node, joint.name)
         self._note_fed_forward()
         return gains
 
     def _concerned(self, changes: Mapping[str, Parameter]) -> list[WatchedJoint]:
         """Joints whose settings depend on the changed parameters."""
         if not _COMMON.isdisjoint(changes):
-            return list(self._joints.values())
-        return [joint for joint in self._joints.values() if not joint.parameters.isdisjoint(changes)]
+            return list(self.values())
+        return [joint for joint in self.values() if not joint.parameters.isdisjoint(changes)]
 
 
 class RoundRobin:
