@@ -21,6 +21,7 @@ from stickslip_ros.monitoring.detection.status import Status
 from stickslip_ros.monitoring.friction.estimate import ParameterEstimate
 from stickslip_ros.monitoring.friction.presliding import PreslidingEstimate
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
+from stickslip_ros.monitoring.ring import RingEstimate
 from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.output import published
 from stickslip_ros.output.diagnosis import cycle_diagnostic, joint_diagnostic
@@ -56,7 +57,8 @@ def state() -> Assessment:
     reversals = ReversalRecord(count=1, last=last, standing=0.1, lost_motion=0.01, peak_error=0.02, largest_error=0.02)
     stiffness = ParameterEstimate(value=1e4, std=100.0, identified=True)
     presliding = PreslidingEstimate(stiffness=stiffness, at_least=9e3, contact="lugre", rests=10)
-    return replace(monitor.assessment(), reversals=reversals, presliding=presliding)
+    ring = RingEstimate(frequency=8.0, frequency_std=0.1, damping_ratio=0.02, damping_ratio_std=0.001, rests=9)
+    return replace(monitor.assessment(), reversals=reversals, presliding=presliding, ring=ring)
 
 
 def with_a_row_more(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:

@@ -83,6 +83,7 @@ def joint_json(joint: JointAnalysis) -> dict[str, Any]:
         "cycles": [published.for_json(cycle, *published.OF_CYCLE) for cycle in joint.cycles],
         "reversals": published.for_json(state.reversals, published.REVERSALS),
         "presliding": published.for_json(state.presliding, published.PRESLIDING),
+        "ring": published.for_json(state.ring, published.RING),
         "transient": None if joint.transient is None else asdict(joint.transient),
         "friction": _friction(state.estimate, state.position),
         "gains": published.for_json(state.gains, published.GAINS, published.INTEGRAL_GAIN),

@@ -283,7 +283,7 @@ def _columns(name: str | None, joint: Mapping[str, Any] | None) -> Row:
         found = friction.get(key, {})
         row |= {key: found.get("value"), f"{key}_std": found.get("std"), f"{key}_identified": found.get("identified")}
     row |= published.BELIEF.for_fleet(margin) | published.REVERSALS.for_fleet(joint.get("reversals"))
-    row |= published.PRESLIDING.for_fleet(joint.get("presliding"))
+    row |= published.PRESLIDING.for_fleet(joint.get("presliding")) | published.RING.for_fleet(joint.get("ring"))
     for section in published.OF_ADVICE:
         row |= section.for_fleet(joint.get("recommendation"))
     return row

@@ -232,6 +232,18 @@ def presliding(joint: JointAnalysis, subject: str = "It") -> str:
     return f"{subject} {text}." if text else ""
 
 
+def ring(joint: JointAnalysis, subject: str = "It") -> str:
+    """How the joint rings after its slips, in one sentence; "" if that was not seen."""
+    found = joint.assessment.ring
+    if found is None:
+        return ""
+    return (
+        f"{subject} rings at {found.frequency:.3g} ± {found.frequency_std:.1g} Hz after its slips (damping ratio "
+        f"{found.damping_ratio:.2g}). Gains with a bandwidth near {2.0 * math.pi * found.frequency:.3g} rad/s would "
+        f"excite that."
+    )
+
+
 def rests_on(joint: JointAnalysis) -> str:
     """Where the friction comes from that margin and advice use; "" without any."""
     text = joint.assessment.rests_on

@@ -31,6 +31,7 @@ from stickslip_ros.monitoring.detection.status import Finding, Status
 from stickslip_ros.monitoring.friction.change import FrictionChange
 from stickslip_ros.monitoring.friction.estimate import FrictionEstimate
 from stickslip_ros.monitoring.friction.presliding import PreslidingEstimate
+from stickslip_ros.monitoring.ring import RingEstimate
 from stickslip_ros.monitoring.samples import FloatArray
 from stickslip_ros.monitoring.selected_model import SelectedModel, approximately_equal, select_model, uncertainty_of
 from stickslip_ros.monitoring.uncertainty import Uncertainty, stick_slip_probability
@@ -103,6 +104,7 @@ class AdviceQuestion:
             self.about_the_same(other)
             and _near(self.velocity, other.velocity, speeds)
             and _near(mine.sample_rate, its.sample_rate, _SAME_RATE)
+            and _near(mine.ring, its.ring, _SAME_RATE)
             and _near(mine.position_noise, its.position_noise, _SAME_ERROR)
             and _near(mine.velocity_noise, its.velocity_noise, _SAME_ERROR)
             and (
@@ -329,6 +331,7 @@ class Assessment:
     restarts : how often stamps went back by so much, or for so long, that the motion was followed anew from there.
     reversals : what was seen of those in which the joint stood; None if there were none.
     presliding : how it gives way at rest, None of too few rests.
+    ring : how it rings after its slips, None if it does not, or of too few rests.
     """
 
     finding: Finding
@@ -367,6 +370,7 @@ class Assessment:
     restarts: int = 0
     reversals: ReversalRecord | None = None
     presliding: PreslidingEstimate | None = None
+    ring: RingEstimate | None = None
 
     @property
     def here(self) -> Joint | None:

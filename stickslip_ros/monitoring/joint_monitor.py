@@ -47,6 +47,7 @@ from stickslip_ros.monitoring.detection.status import (
 from stickslip_ros.monitoring.friction.learner import FrictionLearner, LearnerMemory
 from stickslip_ros.monitoring.friction.presliding import PreslidingMeter
 from stickslip_ros.monitoring.friction.slip_windows import slip_window
+from stickslip_ros.monitoring.ring import RingMeter
 from stickslip_ros.monitoring.samples import Batch, FloatArray, SampleBuffer, SampleFilter
 
 _RECENT_CYCLES = 5  # latest cycles that are kept, 1
@@ -118,6 +119,7 @@ class JointMonitor:
         self._latest_status = Status.UNKNOWN
         self._reversals = ReversalMeter()
         self._presliding = PreslidingMeter()
+        self._ring = RingMeter()
         self._begin()
 
     @property
@@ -171,6 +173,7 @@ class JointMonitor:
         self._slices[:] = 0
         self._reversals.forget()
         self._presliding.forget()
+        self._ring = RingMeter()
         self.learner.reset()
 
     def memory(self) -> JointMemory:
@@ -282,6 +285,7 @@ class JointMonitor:
                 continue
             if rest.complete:
                 self._reversals.add_rest(rest, self._samples)
+                self._ring.add_rest(rest, self._samples, self._motion.resolution, self._motion.noise)
                 self._learn_presliding(rest)
                 cycles += self._settle(self._cycles.add_rest(rest))
                 continue
@@ -500,6 +504,7 @@ class JointMonitor:
                 velocity_error=velocity_error,
                 position_noise=position_noise,
                 velocity_noise=velocity_noise,
+                ring=math.nan if self._ring.estimate is None else self._ring.estimate.frequency,
             )
             advice = self._prediction.advise(selected, velocity, self.options.limits, loop)
             std, probability = self._prediction.uncertainty(velocity)
@@ -542,6 +547,7 @@ class JointMonitor:
             restarts=self._filter.restarts,
             reversals=self._reversal_record,
             presliding=self._presliding.estimate,
+            ring=self._ring.estimate,
         )
 
 

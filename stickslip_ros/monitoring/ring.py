@@ -3,9 +3,9 @@
 """How a joint rings after its slips: frequency and damping of the oscillation that dies out while it stands.
 
 Where the encoder is on the load, and the motor sticks, the load swings on the spring between them at the antiresonance
-(:mod:`stickslip_ros.model.transmission`); a contact that yields rings too, at sqrt((k_p + σ₀)/M). To the samples of each
-rest a + b t + c t² + exp(−ζ ω t) (p cos ω_d t + q sin ω_d t) is fitted, of which a to c are drift and creep. The rests
-together give the errors, from their scatter.
+(:mod:`stickslip_ros.model.transmission`); a contact that yields rings too, at the root of (k_p + σ₀)/M. To the samples
+of each rest a + b t + c t² + exp(−ζ ω t) (p cos ω_d t + q sin ω_d t) is fitted, of which a to c are drift and creep.
+The scatter of the rests gives the errors.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _LEAST_PERIODS, _SAMPLES_OF_A_PERIOD = 1.5, 5.0  # periods in a rest, samples in
 _EVALUATIONS = 30  # evaluations of a fit, 1: at most
 _FINER = 4  # lines of the spectrum, of those without zeros behind the samples, 1
 _DECAYS = (0.5, 2.0, 6.0)  # decay over the samples from which a fit may begin, 1
-# Explained, of the variance about drift and creep: by a start, and by the fit; with less something else moves the joint.
+# Explained variance about drift and creep, of a start and of the fit, 1: with less something else moves the joint.
 _PROMISING, _EXPLAINED = 0.5, 0.85
 _DIES = 0.8  # amplitude at the end of the samples, of that at the arrest: with more it is vibration from elsewhere
 _MOST_DAMPED = 0.5  # damping ratio, 1: with more there is no ring to speak of
@@ -87,7 +87,7 @@ def _ring(times: FloatArray, positions: FloatArray, smallest: float) -> tuple[fl
     variance = float(beside @ beside)
     if not np.ptp(beside) > _LEAST_SWING * smallest:
         return None
-    # Starts: the highest lines of position and velocity in the spectrum of samples evenly apart, with zeros behind them.
+    # Starts: the highest lines of position and velocity in the spectrum of samples evenly apart, zeros behind them.
     even = np.interp(np.linspace(0.0, 1.0, len(scaled)), scaled, beside)
     lines = np.abs(np.fft.rfft(even, _FINER * len(even)))
     most = len(times) / _SAMPLES_OF_A_PERIOD

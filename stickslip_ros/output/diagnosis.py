@@ -219,7 +219,7 @@ def joint_diagnostic(name: str, found: published.Findings, warn_margin: float) -
         values.append(("friction change", friction_change_text(assessment.change)))
     values += rows(published.CYCLES)
     values += _last_cycle_values(assessment.last_cycle)
-    values += rows(published.REVERSALS, published.PRESLIDING, published.POSITION, published.SAMPLING)
+    values += rows(published.REVERSALS, published.PRESLIDING, published.RING, published.POSITION, published.SAMPLING)
     samples = [f"{reason}: {count}" for reason, count in assessment.dropped.items()]
     single = [f"{reason}: {count}" for reason, count in assessment.blanked.items()]
     if math.isfinite(assessment.constant_effort):

@@ -379,6 +379,17 @@ PRESLIDING = Section(
         _row("rests", "1", diagnostics="rests learnt from"),
     ),
 )  # fmt: skip
+# Of a RingEstimate.
+RING = Section(
+    lambda found: found.assessment.ring,
+    (
+        _row("frequency", "Hz", diagnostics="ring frequency", fleet="ring_frequency"),
+        _row("frequency_std", "Hz", diagnostics="ring frequency std", fleet="ring_frequency_std"),
+        _row("damping_ratio", "1", diagnostics="ring damping ratio", fleet="ring_damping_ratio"),
+        _row("damping_ratio_std", "1", diagnostics="ring damping ratio std", fleet="ring_damping_ratio_std"),
+        _row("rests", "1", diagnostics="rests that ring"),
+    ),
+)
 POSITION = Section(
     lambda found: found.assessment,
     (

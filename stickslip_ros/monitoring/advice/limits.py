@@ -61,7 +61,7 @@ class AdviceLimits:
     damping_ratio_range : least and largest damping ratio ρ. With less than a tenth a joint that does not stick rings
         for many periods after every disturbance, and all but stops in each.
     bandwidth : largest crossover frequency of the position loop [rad/s]; infinite: the resonance, where the
-        joint has one, unless the present gains have more.
+        joint has one, or the frequency at which it rings after its slips, unless the present gains have more.
     samples_per_period : the controller shall act so often in a period of the crossover frequency.
     effort : largest |effort| that position and velocity error of now may ask for [N·m].
 
@@ -145,7 +145,7 @@ LIMIT_OPTIONS = (
     LimitOption(
         "bandwidth",
         "bandwidth",
-        "largest crossover frequency of the position loop (default: the resonance, if the joint has one)",
+        "largest crossover frequency of the position loop (default: the resonance, if the joint has one or rings)",
         "bandwidth",
     ),
     LimitOption("effort", "effort", "largest effort allowed at the present tracking error", "effort"),
@@ -178,6 +178,7 @@ class ObservedLoop:
     tracking_error, velocity_error : largest |x_d − x| [rad] and |x˙_d − x˙| [rad/s] of now, NaN if unknown.
     position_noise, velocity_noise : standard deviations [rad], [rad/s] of the noise of the measured position, with its
         quantisation, and velocity; 0 if unknown.
+    ring : at which the joint rings after its slips [Hz], NaN if it is not seen to.
     """
 
     conditions: OperatingConditions = field(default_factory=OperatingConditions)
@@ -187,6 +188,7 @@ class ObservedLoop:
     velocity_error: float = field(default=math.nan, metadata={"unit": "rad/s"})
     position_noise: float = field(default=0.0, metadata={"unit": "rad"})
     velocity_noise: float = field(default=0.0, metadata={"unit": "rad/s"})
+    ring: float = field(default=math.nan, metadata={"unit": "Hz"})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -254,16 +256,15 @@ def bounds_at(
     # What the present gains take of the phase, or make of the noise, is borne.
     borne = crossover_frequency(joint, present)
     within_delay = max(_DELAY_PHASE / delay, borne) if delay > 0 else math.inf
-    below, transmission = math.inf, joint.transmission
-    if transmission is not None and math.isinf(limits.bandwidth):
-        # Beyond it the motor leaves the load behind.
-        below = max(2.0 * math.pi * transmission.resonance, borne)
+    # Beyond it the motor leaves the load behind.
+    swings, seen = (loop.ring, "ring") if joint.transmission is None else (joint.transmission.resonance, "resonance")
+    below = max(2.0 * math.pi * swings, borne) if swings > 0.0 and math.isinf(limits.bandwidth) else math.inf
     if min(bandwidth, within_delay, below) < math.inf:
         source = ", of the controller's period and the samples"
         if within_delay < min(bandwidth, below):
             bandwidth, source = within_delay, f", of a delay of {1e3 * delay:.3g} ms"
-        elif transmission is not None and below < bandwidth:
-            bandwidth, source = below, f", of the resonance at {transmission.resonance:.4g} Hz"
+        elif below < bandwidth:
+            bandwidth, source = below, f", of the {seen} at {swings:.4g} Hz"
         elif bandwidth == limits.bandwidth:
             source = ""
         elif not loop.conditions.period > 0:

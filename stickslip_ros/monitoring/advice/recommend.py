@@ -414,7 +414,8 @@ class _Case:
         if limits is not None:
             return f"resonance {limits.in_words(gains)}"
         present, advised = (crossover_frequency(self._joint, one) for one in (self._gains, gains))
-        if advised <= _SEEN_BANDWIDTH * present or self._limits.bandwidth < math.inf:
+        # What rings is known.
+        if advised <= _SEEN_BANDWIDTH * present or self._limits.bandwidth < math.inf or self._loop.ring > 0.0:
             return ""
         return (
             f"unknown resonance, which these gains may excite: they raise the bandwidth from {present:.3g} to "
