@@ -737,3 +737,28 @@ def test_a_stop_too_brief_for_a_rest_is_a_deep_dip() -> None:
     batch = Batch(time=time, position=rounded(positions + noise, count), reference_position=reference)
     _, segments, _ = watch(batch)
     assert spent(segments, Status.SMOOTH) < 0.5
+
+
+@pytest.mark.parametrize("rate", [200.0, 1000.0])
+def test_a_stop_out_of_a_fast_motion_leaves_no_joint_behind(rate: float) -> None:
+    """The joint stops with its reference; it was stuck for 0.9 s by the way the reference had gone just before."""
+    stuck = []
+    for phase in np.linspace(0.0, 0.05, 11):
+        time = np.arange(0.0, 8.0, 1.0 / rate)
+        way = -0.5 * np.clip(time - 2.0 - phase, 0.0, 1.0) - 0.01 * np.clip(time - 4.0, 0.0, 4.0)
+        lagging = np.interp(time - 0.003, time, way)
+        _, segments, _ = watch(Batch(time=time, position=rounded(lagging, 1e-4), reference_position=way))
+        stuck += [one.stuck for one in segments if one.stuck]
+    assert not stuck
+
+
+def test_the_way_of_a_reference_counts_from_the_stand_on() -> None:
+    """The joint stops out of a fast motion, and its reference goes on slowly: that slow way alone leaves it behind."""
+    for phase in np.linspace(0.0, 0.05, 6):
+        time = np.arange(0.0, 7.0, 0.005)
+        way = 0.5 * np.clip(time - 2.0 - phase, 0.0, 1.0) + 0.02 * np.clip(time - 3.0 - phase, 0.0, 4.0)
+        position = rounded(np.minimum(np.interp(time - 0.003, time, way), 0.5), 1e-4)
+        _, segments, _ = watch(Batch(time=time, position=position, reference_position=way))
+        stuck = sum(one.stuck for one in segments)
+        assert stuck > 2.5
+        assert sum(one.travel for one in segments) == pytest.approx(0.02 * stuck, rel=0.02)

@@ -305,10 +305,29 @@ def _entry_at(time, motion):
     return max(low - 1, oldest) % PAST if entries else -1
 
 
+@helper()
+def _entry_of(time, motion):
+    """Index of the first slice remembered that ends not before a time; -1 if none does."""
+    at = _entry_at(time, motion)
+    if at < 0 or motion.past[at, TIME] >= time:
+        return at
+    return (at + 1) % PAST if at != (motion.entries - 1) % PAST else -1
+
+
+@compiled()
+def end_of_slice(time, motion):
+    """When the slice ended in which a time lies [s]; now if it has not ended."""
+    at = _entry_of(time, motion)
+    return motion.past[at, TIME] if at >= 0 else motion.now
+
+
 @inlined()
 def travel_since(time, motion):
-    """How far the reference is from where it was at a time; 0 if unknown."""
-    at = _entry_at(time, motion)
+    """How far the reference went since the end of the slice in which a time lies; 0 if unknown.
+
+    In that slice, what it did before the time is not told from what it did after.
+    """
+    at = _entry_of(time, motion)
     travel = abs(motion.way - motion.past[at, WAY]) if at >= 0 and motion.travels else np.nan
     return travel if np.isfinite(travel) else 0.0
 

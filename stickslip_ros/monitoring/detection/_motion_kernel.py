@@ -112,7 +112,9 @@ def close_slice(slices, motion, detector):
         code = judgement.STICKS if motion.code == judgement.STICKS else judgement.TOO_SHORT
     motion.code = code
     # What the reference did before the joint stood does not count.
-    stood = now - rest if code == judgement.STUCK and np.isfinite(rest) else motion.window
+    stood = motion.window
+    if code == judgement.STUCK and np.isfinite(rest):
+        stood = now - judgement.end_of_slice(rest, motion)
     velocity = judgement.reference_velocity(min(stood, motion.window), motion)
     if code in (judgement.MOVES, judgement.STUCK) and not np.isfinite(velocity):
         velocity = judgement.mean_velocity(motion.window, motion)
