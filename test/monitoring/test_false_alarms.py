@@ -110,3 +110,15 @@ def test_a_real_follower_does_not_stick() -> None:
         )
         watched += time[-1] - time[0]
     assert spent < 0.01 * watched
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_turn_is_no_dip(seed: int) -> None:
+    """A noisy reading stands where a smooth joint turns; that the joint did not rest there made it slow on its way."""
+    time = np.arange(0.0, 30.0, 1.0 / 1024.0)
+    noise = 1.6e-6 * np.random.default_rng(seed).standard_normal(len(time))
+    monitor = JointMonitor()
+    monitor.process(Batch(time=time, position=0.0128 * np.sin(2.0 * np.pi * time / 4.0) + noise))
+    found = {segment.status for segment in monitor.segments}
+    assert Status.SMOOTH in found
+    assert Status.AT_RISK not in found

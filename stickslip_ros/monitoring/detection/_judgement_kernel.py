@@ -495,8 +495,11 @@ def judge(rest, motion, detector, remembers):
 
 @compiled()
 def did_not_rest(motion):
-    """Forget the last rest, where the joint only slowed down: that is deep a dip, unless the reference has it too."""
-    seen_lately = motion.now - motion.rested_at < motion.needed
+    """Forget the last rest, where the joint only slowed down.
+
+    That is a deep dip, unless the reference has it too, or the joint turned there.
+    """
+    seen_lately = motion.now - motion.rested_at < motion.needed and motion.turned < motion.rest_began
     motion.rested_at = -np.inf
     if seen_lately and _DEEPER * reference_slowest_share(motion.now - motion.needed, motion) > kernel.SLOW:
         motion.uneven, motion.unevenness, motion.uneven_at = DIPS, kernel.SLOW, motion.now
