@@ -291,7 +291,7 @@ def _print_analysis(analysis: BagAnalysis) -> None:
             console.print(f"{words.finding(joint)} {words.advice(joint)}".rstrip(), soft_wrap=True, markup=False)
             if words.rests_on(joint):
                 console.print(f"  {words.rests_on(joint)}", style="dim", soft_wrap=True, markup=False)
-        for text in (say(joint, joint.name) for say in (words.reversals, words.presliding, words.ring)):
+        for text in (sentence(joint, joint.name) for sentence in (words.reversals, words.presliding, words.ring)):
             if text:
                 console.print(text, soft_wrap=True, markup=False)
     if words.smooth(joints):

@@ -17,7 +17,6 @@ from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from stickslip_ros.monitoring.detection.rests import Rest
 from stickslip_ros.monitoring.samples import FloatArray, SampleBuffer
@@ -87,6 +86,9 @@ def _ring(times: FloatArray, positions: FloatArray, smallest: float) -> tuple[fl
     variance = float(beside @ beside)
     if not np.ptp(beside) > _LEAST_SWING * smallest:
         return None
+    # Imported where it is needed, as it takes a fifth of a second.
+    from scipy.optimize import least_squares
+
     # Starts: the highest lines of position and velocity in the spectrum of samples evenly apart, zeros behind them.
     even = np.interp(np.linspace(0.0, 1.0, len(scaled)), scaled, beside)
     lines = np.abs(np.fft.rfft(even, _FINER * len(even)))

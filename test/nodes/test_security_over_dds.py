@@ -19,7 +19,8 @@ from lifecycle_msgs.msg import Transition
 from nodes.forked_nodes import NodeProcess
 from support_ros import probe
 
-from stickslip_ros.nodes.watched_joints import GainBounds
+from stickslip_ros.monitoring.joint_monitor import JointMonitor
+from stickslip_ros.nodes.watched_joints import GainBounds, WatchedJoint
 from stickslip_ros.settings.parameter_table import COMMON, PER_JOINT
 from stickslip_ros.settings.parameters import JointSettings, settings_of
 
@@ -91,12 +92,12 @@ finite = st.floats(0.0, 1e6)
 )
 def test_bounds_never_get_wider(first: list[float], later: list[tuple[float, float, float]]) -> None:
     """Issue 7: whatever limits and scales are set later, what may be written stays within the first, and those."""
-    bounds = GainBounds()
-    bounds.note("a", settings(p_min=first[0], p_max=first[1], d_max=1.0))
+    begin = settings(p_min=first[0], p_max=first[1], d_max=1.0)
+    joint = WatchedJoint("a", JointMonitor(), begin, GainBounds())
     for one, other, scale in later:
         now = settings(p_min=min(one, other), p_max=max(one, other), scale=scale)
-        bounds.note("a", now)
-        least, largest = bounds.of("a", now, "stiffness_range")
+        joint.follow(now)
+        least, largest = joint.bounds("stiffness_range")
         slack = 1e-9 * max(first[1], 1.0)
         assert least >= first[0] - slack
         assert largest <= first[1] + slack
