@@ -3,7 +3,7 @@
 """One step of y¨ + δ y˙ + κ y = u, compiled and exact, with the force u a polynomial through Lobatto points.
 
 The first and the last of them are the step's beginning and end. The cycle map (``_slip_kernel``) has the spring to
-count time in, κ = 1 and δ = 2ρ; it uses what is below :data:`POINTS`. The fit (``monitoring.friction._window_step``)
+count time in, κ = 1 and δ = 2ρ; it uses what is below :data:`POINTS`. The fit (``monitoring.friction._window_kernel``)
 counts time in steps, since a joint whose effort is known has no spring.
 """
 

@@ -60,19 +60,13 @@ def _lagged_velocity(time, state, history):
 
 
 @helper()
-def instant_shape(velocity, parameters):
-    """Ψ at a velocity, without lag."""
-    return _stribeck_friction(parameters[LAW], 1.0, velocity / parameters[STRIBECK_VELOCITY])
-
-
-@helper()
 def shape(time, velocity, state, history, parameters, delayed):
     """Ψ of Eq. (5)."""
     if delayed:
         if time - state[EVENT_TIME] <= parameters[LAG]:
             return 1.0
         velocity = _lagged_velocity(time - parameters[LAG], state, history)
-    return instant_shape(velocity, parameters)
+    return _stribeck_friction(parameters[LAW], 1.0, velocity / parameters[STRIBECK_VELOCITY])
 
 
 @helper()

@@ -67,3 +67,21 @@ def first_reached(
             return argument, None
         before = before if found is None else argument
     return None, before
+
+
+def nearest_to_zero(
+    holds: Callable[[NDArray[np.float64]], NDArray[np.bool_]], grid: NDArray[np.float64], steps: int
+) -> float | None:
+    """The argument nearest to zero at which something is so, bisected ``steps`` times; None if it is at none of a grid.
+
+    Parameters
+    ----------
+    holds : whether it is so at each of an array. grid : ascending, shape (n,).
+    """
+    good = np.flatnonzero(holds(grid))
+    if len(good) == 0:
+        return None
+    nearest = int(good[np.argmin(np.abs(grid[good]))])
+    inside = float(grid[nearest])
+    outside = float(grid[min(max(nearest - int(np.sign(inside)), 0), len(grid) - 1)])
+    return bisected(lambda middle: holds(np.array([middle]))[0], inside, outside, steps)[0]

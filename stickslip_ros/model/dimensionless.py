@@ -4,9 +4,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stickslip_ros.model._friction_law import PAPERS_LAW
 from stickslip_ros.model.friction import Gains, Joint, Real
@@ -44,6 +45,11 @@ class DimensionlessGroups:
     def numbers(self) -> tuple[Real, ...]:
         """All but the law."""
         return (self.natural_frequency, self.damping_ratio, self.stribeck, self.velocity, self.lag, self.rise_time)
+
+    @property
+    def undamped(self) -> DimensionlessGroups:
+        """The same without damping; the natural frequency is of no use then."""
+        return replace(self, natural_frequency=np.nan, damping_ratio=np.zeros(np.shape(self.damping_ratio)))
 
 
 def dimensionless_groups(joint: Joint, gains: Gains, velocity: Real) -> DimensionlessGroups:
@@ -90,3 +96,8 @@ def damping_for_ratio(joint: Joint, stiffness: Real, damping_ratio: Real) -> Rea
 def dimensionless_energy(position: Real, velocity: Real) -> Real:
     """E* = ½(ξ² + ξ˙²) of Eq. (18), relative to the reference; an energy in units of M x˙_s²."""
     return 0.5 * (np.square(position) + np.square(velocity))
+
+
+def unwrapped(array: NDArray[np.float64]) -> Real:
+    """A 0-d array as a float, so that scalars in give scalars out; others as they are."""
+    return float(array) if array.ndim == 0 else array

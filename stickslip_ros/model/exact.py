@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +27,7 @@ from stickslip_ros.model.dimensionless import (
     dimensionless_groups,
     stiffness_of_lag,
     stiffness_scale,
+    unwrapped,
 )
 from stickslip_ros.model.extinction import critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint, Real
@@ -36,14 +36,13 @@ from stickslip_ros.model.simulation import point_arrays
 LARGEST_DAMPING_RATIO: float = _LARGEST
 _TOLERANCE = 1e-3  # error of a boundary, of the boundary
 _CHUNK = 64  # points that a thread computes at once, 1: a thread costs more than a joint's verdict
-_NO_GUESSES = np.empty(0)
 _LARGEST_STRIBECK = 30.0  # F*_s∞, 1: the search for a stiffness begins there
 _SCAN_STEPS_A_DECADE = 12  # steps of a scan for each decade, 1
 
 Progress = Callable[[int, int], None]
 
 
-def cycle_persists(groups: DimensionlessGroups, *, full_accuracy: bool = True) -> float | NDArray[np.float64]:
+def cycle_persists(groups: DimensionlessGroups, *, full_accuracy: bool = True) -> Real:
     """Whether stick-slip, begun from a stuck joint with full static friction, goes on for ever.
 
     With a long lag the cycle may take thousands of natural periods to die out. Without ``full_accuracy`` a cycle that
@@ -59,10 +58,8 @@ def cycle_persists(groups: DimensionlessGroups, *, full_accuracy: bool = True) -
     InvalidParameterError
         As :func:`stickslip_ros.model.simulation.simulate_cycles`.
     """
-    shape, points = point_arrays(groups)
-    verdicts = evaluate(kernel.PERSISTENCE if full_accuracy else kernel.COARSE_PERSISTENCE, points, groups.law)[:, 0]
-    answers = np.where(verdicts == NO_ANSWER, np.nan, verdicts == PERSISTS)
-    return float(answers[0]) if shape == () else answers.reshape(shape)
+    verdicts = evaluate(kernel.PERSISTENCE if full_accuracy else kernel.COARSE_PERSISTENCE, groups)[..., 0]
+    return unwrapped(np.where(verdicts == NO_ANSWER, np.nan, verdicts == PERSISTS))
 
 
 def exact_critical_damping_ratio(
@@ -91,37 +88,36 @@ def exact_critical_damping_ratio(
     InvalidParameterError
         As :func:`stickslip_ros.model.simulation.simulate_cycles`.
     """
-    undamped = replace(groups, natural_frequency=np.nan, damping_ratio=np.zeros(np.shape(groups.damping_ratio)))
-    shape, points = point_arrays(undamped)
+    undamped = groups.undamped
     paper = np.asarray(critical_damping_ratio(undamped), dtype=float)
-    guesses = np.broadcast_to(np.where((paper > 0) & np.isfinite(paper), paper, 0.3), shape).ravel()
-    found = evaluate(kernel.CRITICAL_RATIO, points, groups.law, guesses.copy(), tolerance, workers, progress)[:, 0]
-    return float(found[0]) if shape == () else found.reshape(shape)
+    guesses = np.where((paper > 0) & np.isfinite(paper), paper, 0.3)
+    return unwrapped(evaluate(kernel.CRITICAL_RATIO, undamped, guesses, tolerance, workers, progress)[..., 0])
 
 
 def evaluate(
     question: int,
-    points: list[NDArray[np.float64]],
-    law: str,
-    guesses: NDArray[np.float64] = _NO_GUESSES,
+    groups: DimensionlessGroups,
+    guesses: Real = math.nan,
     tolerance: float = _TOLERANCE,
     workers: int = 1,
     progress: Progress | None = None,
 ) -> NDArray[np.float64]:
-    """The kernel's answers (points, 2) to one of its questions, worked on in parts by ``workers`` threads.
+    """The kernel's answers to one of its questions, of the groups' common shape + (starts,).
 
     Parameters
     ----------
-    points : as of :func:`stickslip_ros.model.simulation.point_arrays`.
+    guesses : that the question goes by, of a shape that broadcasts. workers : threads that share the points.
     progress : called with the numbers of points done and of all.
     """
+    shape, points = point_arrays(groups)
+    begin_at = np.broadcast_to(np.asarray(guesses, dtype=float), shape).ravel().copy()
     count = points[0].size
     found = np.empty((count, kernel.STARTS))
     parts = [slice(begin, min(begin + _CHUNK, count)) for begin in range(0, count, _CHUNK)]
 
     def work(part: slice) -> int:
         few = [values[part] for values in points]
-        kernel.answer(question, *few, LAWS[law], guesses[part], LARGEST_DAMPING_RATIO, tolerance, found[part])
+        kernel.answer(question, *few, LAWS[groups.law], begin_at[part], LARGEST_DAMPING_RATIO, tolerance, found[part])
         return len(few[0])
 
     done = 0
@@ -136,7 +132,7 @@ def evaluate(
         finally:
             # After an exception the parts that nobody has begun are left out.
             pool.shutdown(wait=False, cancel_futures=True)
-    return found
+    return found.reshape(*shape, kernel.STARTS)
 
 
 def exact_lowest_smooth_velocity(joint: Joint, gains: Gains) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model._friction_law import PAPERS_LAW
-from stickslip_ros.model.dimensionless import DimensionlessGroups
+from stickslip_ros.model.dimensionless import DimensionlessGroups, unwrapped
 from stickslip_ros.model.friction import Friction, Joint, Real
 
 # Below this velocity the closed form of Eq. (27) cancels digits (it divides by the velocity), and
@@ -47,12 +47,12 @@ def work_integral(velocity: Real, lag: Real) -> Real:
     valid = (velocity_array >= 0) & np.isfinite(velocity_array) & (lag_array >= 0) & (lag_array <= 2 * np.pi)
     small = valid & (velocity_array < _SERIES_BELOW)
     if not small.any() and valid.all():
-        return _unwrap(_closed_form(velocity_array, lag_array))
+        return unwrapped(_closed_form(velocity_array, lag_array))
     result = np.full(velocity_array.shape, np.nan)
     large = valid & ~small
     result[large] = _closed_form(velocity_array[large], lag_array[large])
     result[small] = _series(velocity_array[small], lag_array[small])
-    return _unwrap(result)
+    return unwrapped(result)
 
 
 def _closed_form(velocity: NDArray[np.float64], lag: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -94,12 +94,12 @@ def reduction_factor(velocity: Real, lag: Real) -> Real:
     """
     with np.errstate(invalid="ignore"):
         term = np.square(velocity * (1.0 - np.cos(lag)))
-        return _unwrap(np.asarray(term / (term + 1.0)))
+        return unwrapped(np.asarray(term / (term + 1.0)))
 
 
 def approximate_reduction_factor(velocity: Real, lag: Real) -> Real:
     """H of Eq. (34), for short lag: ¼ ξ˙_d² τ*⁴, at most 1 (the print's constant is wrong)."""
-    return _unwrap(np.asarray(np.minimum(0.25 * np.square(velocity) * np.power(lag, 4), 1.0)))
+    return unwrapped(np.asarray(np.minimum(0.25 * np.square(velocity) * np.power(lag, 4), 1.0)))
 
 
 def steady_stribeck(groups: DimensionlessGroups, *, rises_from_coulomb: bool = False) -> Real:
@@ -115,7 +115,7 @@ def steady_stribeck(groups: DimensionlessGroups, *, rises_from_coulomb: bool = F
     """
     factor = 1.0 if rises_from_coulomb else reduction_factor(groups.velocity, groups.lag)
     domain = 1.0 if groups.law == PAPERS_LAW else np.nan
-    return _unwrap(np.asarray(groups.stribeck - 0.5 * factor * groups.velocity * groups.rise_time * domain))
+    return unwrapped(np.asarray(groups.stribeck - 0.5 * factor * groups.velocity * groups.rise_time * domain))
 
 
 def friction_work(groups: DimensionlessGroups, *, rises_from_coulomb: bool = False) -> Real:
@@ -129,7 +129,7 @@ def friction_work(groups: DimensionlessGroups, *, rises_from_coulomb: bool = Fal
     # Of a spring that is next to none it may be larger than any number.
     with np.errstate(over="ignore"):
         work = level * groups.velocity * work_integral(groups.velocity, groups.lag) + 0.5 * jump * jump
-    return _unwrap(np.asarray(work))
+    return unwrapped(np.asarray(work))
 
 
 def energy_margin(groups: DimensionlessGroups, *, rises_from_coulomb: bool = False) -> Real:
@@ -140,14 +140,14 @@ def energy_margin(groups: DimensionlessGroups, *, rises_from_coulomb: bool = Fal
     """
     taken = 2.0 * np.pi * groups.damping_ratio * np.square(groups.velocity)
     margin = taken - friction_work(groups, rises_from_coulomb=rises_from_coulomb)
-    return _unwrap(np.where(np.asarray(groups.velocity) > 0, margin, np.nan))
+    return unwrapped(np.where(np.asarray(groups.velocity) > 0, margin, np.nan))
 
 
 def critical_damping_ratio(groups: DimensionlessGroups) -> Real:
     """ρ_c at which the margin of Eq. (43) is zero; 0 where the motion is smooth without any damping."""
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = friction_work(groups) / (2.0 * np.pi * np.square(groups.velocity))
-    return _unwrap(np.where(np.asarray(groups.velocity) > 0, np.maximum(ratio, 0.0), np.nan))
+    return unwrapped(np.where(np.asarray(groups.velocity) > 0, np.maximum(ratio, 0.0), np.nan))
 
 
 def stiffness_velocity_product(joint: Joint) -> Real:
@@ -162,9 +162,4 @@ def stiffness_velocity_product(joint: Joint) -> Real:
         full = 2.0 * np.divide(friction.stribeck, friction.rise_time)
         saturation = 2.0 * joint.inertia * friction.stribeck_velocity / np.square(friction.lag)
         partial = np.cbrt(full * np.square(saturation))
-    return _unwrap(np.where(full >= saturation, full, partial))
-
-
-def _unwrap(array: NDArray[np.float64]) -> Real:
-    """Turn a 0-d array into a float, so that scalars in give scalars out."""
-    return float(array) if array.ndim == 0 else array
+    return unwrapped(np.where(full >= saturation, full, partial))

@@ -20,6 +20,7 @@ from stickslip_ros.model.dimensionless import (
     dimensionless_groups,
     stiffness_of_lag,
     stiffness_scale,
+    unwrapped,
 )
 from stickslip_ros.model.extinction import critical_damping_ratio, energy_margin, reduction_factor, steady_stribeck
 from stickslip_ros.model.friction import Gains, Joint, Real
@@ -69,7 +70,7 @@ def damping_reserve(damping_ratio: Real, critical_damping_ratio: Real) -> Real:
     damping, critical = np.asarray(damping_ratio), np.asarray(critical_damping_ratio)
     with np.errstate(divide="ignore", invalid="ignore"):
         reserve = np.where(critical > 0, damping / critical - 1.0, np.where(np.isnan(critical), np.nan, np.inf))
-    return reserve if reserve.ndim else float(reserve)
+    return unwrapped(reserve)
 
 
 def _reasons(joint: Joint, groups: DimensionlessGroups, gains: Gains, velocity: Real) -> NDArray[np.object_]:
@@ -225,4 +226,4 @@ def _last_unsmooth(
     result = np.where(unsmooth.any(axis=0), right, 0.0)
     result = np.where(unsmooth[-1], np.inf, result)
     result = np.where(np.isnan(margin).any(axis=0), np.nan, result)
-    return float(result) if result.ndim == 0 else result
+    return unwrapped(result)

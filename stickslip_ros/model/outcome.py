@@ -8,7 +8,7 @@ what becomes of it may depend on how it began; a person calls smooth what moves 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
 
@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 from stickslip_ros.model import _outcome_kernel as kernel
 from stickslip_ros.model._earlier_names import earlier_names
 from stickslip_ros.model._friction_law import LAWS, stribeck_slope
-from stickslip_ros.model.dimensionless import DimensionlessGroups
+from stickslip_ros.model.dimensionless import DimensionlessGroups, unwrapped
 from stickslip_ros.model.exact import evaluate
 from stickslip_ros.model.friction import Real
-from stickslip_ros.model.simulation import point_arrays
 from stickslip_ros.model.steady_sliding import sliding_damping_ratio
 
 _TOLERANCE = 2e-3  # error of a damping ratio, of it
@@ -106,9 +105,7 @@ def outcomes(groups: DimensionlessGroups) -> Outcomes:
     InvalidParameterError
         As :func:`stickslip_ros.model.simulation.simulate_cycles`.
     """
-    shape, points = point_arrays(groups)
-    numbers = evaluate(kernel.OUTCOME, points, groups.law).reshape(*shape, kernel.STARTS)
-    return Outcomes(groups=groups, numbers=numbers)
+    return Outcomes(groups=groups, numbers=evaluate(kernel.OUTCOME, groups))
 
 
 def steady_damping_ratio(groups: DimensionlessGroups) -> Real:
@@ -132,12 +129,9 @@ def steady_damping_ratio(groups: DimensionlessGroups) -> Real:
     InvalidParameterError
         As :func:`stickslip_ros.model.simulation.simulate_cycles`.
     """
-    undamped = replace(groups, natural_frequency=np.nan, damping_ratio=np.zeros(np.shape(groups.damping_ratio)))
-    shape, points = point_arrays(undamped)
     steepest = -float(np.min(stribeck_slope(LAWS[groups.law], 1.0, _SPEEDS)))
-    guesses = 0.5 * steepest * points[1] * _ROOM
-    found = evaluate(kernel.STEADY_RATIO, points, groups.law, guesses, _TOLERANCE)[:, 0]
-    return float(found[0]) if shape == () else found.reshape(shape)
+    guesses = 0.5 * steepest * np.asarray(groups.stribeck, dtype=float) * _ROOM
+    return unwrapped(evaluate(kernel.STEADY_RATIO, groups.undamped, guesses, _TOLERANCE)[..., 0])
 
 
 if not TYPE_CHECKING:

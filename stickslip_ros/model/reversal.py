@@ -171,26 +171,24 @@ def _finest(joint: Joint, gains: Gains) -> float:
 
 
 def turning_points(reference: FloatArray, least: float) -> list[tuple[int, int]]:
-    """Where a reference turns by more than ``least`` [rad]: index of the last sample at the extreme, and the way on.
+    """Where a motion turns by more than ``least`` [rad]: index of the last sample at the extreme, and the way on.
 
-    A reference that rests at its extreme turns where it leaves.
+    One that rests at its extreme turns where it leaves.
     """
     steps = np.sign(np.diff(reference))
     moves = np.flatnonzero(steps)
     corners = moves[1:][np.diff(steps[moves]) != 0.0]  # each begins a way back
     found: list[tuple[int, int]] = []
-    extreme, way = 0, 0
-    for corner in [*corners.tolist(), len(reference) - 1]:
-        step = float(reference[corner] - reference[extreme])
-        if way == 0:
-            way = int(np.sign(step)) if abs(step) > least else 0
-            extreme = corner if way else extreme
-        elif way * step >= 0.0:
-            extreme = corner
-        elif -way * step > least:
-            way = -way
-            found.append((extreme, way))
-            extreme = corner
+    low = high = way = 0
+    for at in [*corners.tolist(), len(reference) - 1]:
+        low = at if reference[at] <= reference[low] else low
+        high = at if reference[at] >= reference[high] else high
+        if way >= 0 and reference[high] - reference[at] > least:
+            found += [(high, -1)] if way else []
+            way, low = -1, at
+        elif way <= 0 and reference[at] - reference[low] > least:
+            found += [(low, 1)] if way else []
+            way, high = 1, at
     return found
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from stickslip_ros.model import _stability_kernel as kernel
 from stickslip_ros.model._friction_law import LAWS, stribeck_slope
-from stickslip_ros.model.dimensionless import DimensionlessGroups
+from stickslip_ros.model.dimensionless import DimensionlessGroups, unwrapped
 from stickslip_ros.model.friction import Real
 
 
@@ -37,4 +37,4 @@ def sliding_damping_ratio(groups: DimensionlessGroups) -> Real:
     )
     found = np.empty(slopes.size)
     kernel.stable_ratios(slopes.ravel().astype(float), lags.ravel().astype(float), found)
-    return float(found[0]) if slopes.shape == () else found.reshape(slopes.shape)
+    return unwrapped(found.reshape(slopes.shape))

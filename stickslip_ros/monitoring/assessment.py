@@ -54,7 +54,7 @@ _SEEN = 0.99  # probability of stick-slip that is detected, 1: of a hundred dete
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AdviceQuestion:
-    """What advice depends on; see :func:`stickslip_ros.monitoring.advice.recommend.recommend`.
+    """What advice depends on: the arguments of :func:`stickslip_ros.monitoring.advice.recommend.recommend`.
 
     Attributes
     ----------

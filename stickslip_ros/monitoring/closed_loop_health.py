@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stickslip_ros.model.reversal import turning_points
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 
 _LEAST_SAMPLES = 16  # samples, 1: fewer show no oscillation
@@ -101,24 +102,9 @@ def swing_of(batch: Batch, resolution: float) -> float:
     """
     if np.isfinite(batch.reference_position).any():
         return math.nan
-    ways = np.abs(np.diff(_turning_points(batch.position, _RESOLUTIONS * resolution)))
+    turns = [at for at, _ in turning_points(batch.position, _RESOLUTIONS * resolution)]
+    ways = np.abs(np.diff(batch.position[turns]))
     return float(np.minimum(ways[1:], ways[:-1]).max(initial=0.0))
-
-
-def _turning_points(values: FloatArray, least: float) -> FloatArray:
-    """The highest and lowest values between which it goes to and fro by more than ``least``, without the ends."""
-    found: list[float] = []
-    low = high = float(values[0])
-    rising = 0  # not known yet
-    for value in values.tolist():
-        low, high = min(low, value), max(high, value)
-        if rising >= 0 and high - value > least:
-            found += [high] if rising else []
-            rising, low = -1, value
-        elif rising <= 0 and value - low > least:
-            found += [low] if rising else []
-            rising, high = 1, value
-    return np.array(found)
 
 
 def _largest(values: FloatArray) -> float:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -58,6 +58,18 @@ _NOW = 0.1  # span of the present velocity, s
 _REMEMBERED = 50.0  # age of a slip that is still learnt from, s
 _LONGEST_PART = 8.0  # span of samples followed at once, s: shorter than what the buffer holds beyond it
 _SEGMENTS_KEPT = 10_000  # segments that are kept, 1
+# Reasons that the two numbers of the kernel explain, by its code.
+_REASONS: dict[int, Callable[[float, float], Reason]] = {
+    judgement.TOO_FEW: lambda *_: TooFewSamples(),
+    judgement.STUCK: lambda duration, travel: Stuck(duration=duration, travel=travel),
+    judgement.STOPS_AND_GOES: lambda *_: StopsAndGoes(),
+    judgement.NOT_FOLLOWING: lambda share, _: NotFollowing(share=share),
+    judgement.TOO_SHORT: lambda moving, needed: TooShort(moving=moving, needed=needed),
+    judgement.STEPS_OF_COUNTS: lambda counts, _: TooCoarse(counts=counts),
+    judgement.FEW_COUNTS: lambda *_: TooFewCounts(),
+    judgement.FEW_READINGS: lambda rate, needed: SampledTooSlowly(rate=rate, needed=needed),
+    judgement.DIPS: lambda share, _: SpeedFalls(share=share),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -392,29 +404,11 @@ class JointMonitor:
     def _found(self, code: int, first: float, second: float) -> Finding:
         """What a code of the kernel's means, with the two numbers that explain it."""
         status = STATUS_OF[code]
-        reason: Reason | None = None
-        if code == judgement.TOO_FEW:
-            reason = TooFewSamples()
-        elif code == judgement.STICKS:
-            reason = Hunting() if any(cycle.hunting for cycle in self._recent) else None
-        elif code == judgement.STUCK:
-            reason = Stuck(duration=first, travel=second)
+        reason = _REASONS[code](first, second) if code in _REASONS else None
+        if code == judgement.STICKS and any(cycle.hunting for cycle in self._recent):
+            reason = Hunting()
         elif code == judgement.REVERSING:
             reason = Reversing(record=self._reversal_record)
-        elif code == judgement.STOPS_AND_GOES:
-            reason = StopsAndGoes()
-        elif code == judgement.NOT_FOLLOWING:
-            reason = NotFollowing(share=first)
-        elif code == judgement.TOO_SHORT:
-            reason = TooShort(moving=first, needed=second)
-        elif code == judgement.STEPS_OF_COUNTS:
-            reason = TooCoarse(counts=first)
-        elif code == judgement.FEW_COUNTS:
-            reason = TooFewCounts()
-        elif code == judgement.FEW_READINGS:
-            reason = SampledTooSlowly(rate=first, needed=second)
-        elif code == judgement.DIPS:
-            reason = SpeedFalls(share=first)
         elif code == judgement.MOVES:
             velocity, _ = self.velocity()
             reserves, condition = self._damping_reserves(np.array([velocity]))

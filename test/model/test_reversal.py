@@ -153,6 +153,8 @@ def test_where_a_reference_turns() -> None:
     assert turning_points(reference, 0.1) == [(4, -1), (7, 1)]
     assert turning_points(np.arange(5.0), 0.1) == []
     assert turning_points(np.zeros(5), 0.0) == []
+    # Also about where it began, from which it goes by less than that.
+    assert turning_points(np.array([0.0, 0.6, -0.6, 0.6, -0.6]), 1.0) == [(2, 1), (3, -1)]
 
 
 @pytest.mark.parametrize(

@@ -16,16 +16,7 @@ from stickslip_ros.monitoring.assessment import AdviceQuestion
 def advise(question: AdviceQuestion) -> Advice:
     """Answer a question: ten milliseconds by Eq. (43), up to seconds exactly."""
     joint, gains, limits = question.joint, question.gains, question.limits
-    recommendation = recommend(
-        joint,
-        gains,
-        question.velocity,
-        limits,
-        question.uncertainty,
-        question.loop,
-        gains_known=question.gains_known,
-        before=question.before,
-    )
+    recommendation = recommend(**vars(question))
     possible = 0 < gains.stiffness < math.inf and 0 < recommendation.velocity < math.inf
     return Advice(
         recommendation=recommendation,

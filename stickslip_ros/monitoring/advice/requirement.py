@@ -6,6 +6,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +15,7 @@ from numpy.typing import NDArray
 from stickslip_ros.model.dimensionless import DimensionlessGroups, damping_for_ratio, dimensionless_groups
 from stickslip_ros.model.exact import LARGEST_DAMPING_RATIO, cycle_persists, exact_critical_damping_ratio
 from stickslip_ros.model.extinction import critical_damping_ratio
-from stickslip_ros.model.friction import Gains, Joint, Real
+from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.steady_sliding import sliding_damping_ratio
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion
 from stickslip_ros.monitoring.samples import FloatArray
@@ -149,24 +151,13 @@ def _where_lag_is_short(
     groups: DimensionlessGroups, answer: Callable[[DimensionlessGroups], FloatArray], otherwise: float
 ) -> FloatArray:
     """Values of ``answer`` where the lag is at most a natural period: beyond, they are not verified by brute force."""
-    shape = np.broadcast_shapes(*(np.shape(value) for value in groups.numbers))
-
-    def spread(value: Real) -> FloatArray:
-        return np.broadcast_to(np.asarray(value, dtype=float), shape)
-
-    short = spread(groups.lag) <= _LARGEST_LAG
+    numbers = {name: value for name, value in vars(groups).items() if name != "law"}
+    arrays = dict(zip(numbers, np.broadcast_arrays(*numbers.values()), strict=True))
+    short = arrays["lag"] <= _LARGEST_LAG
     found = np.full(short.shape, otherwise)
     if short.any():
-        few = DimensionlessGroups(
-            natural_frequency=spread(groups.natural_frequency)[short],
-            damping_ratio=spread(groups.damping_ratio)[short],
-            stribeck=spread(groups.stribeck)[short],
-            velocity=spread(groups.velocity)[short],
-            lag=spread(groups.lag)[short],
-            rise_time=spread(groups.rise_time)[short],
-            law=groups.law,
-        )
-        found[short] = answer(few)
+        few: dict[str, Any] = {name: array[short] for name, array in arrays.items()}
+        found[short] = answer(replace(groups, **few))
     return found
 
 

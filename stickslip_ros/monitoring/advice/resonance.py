@@ -14,6 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from stickslip_ros.model.bisection import bisected
 from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.friction import Friction, Gains, Joint, Transmission
 from stickslip_ros.model.loop_modes import least_modal_damping
@@ -107,14 +108,10 @@ def _damping_limits(
         (largest, ends[1] - 1, ends[1], math.inf),
     ):
         last = len(_RATIOS) - 1
-        good_ratio = _RATIOS[np.clip(inside, 0, last)]
-        bad_ratio = _RATIOS[np.clip(outside, 0, last)]
-        for _ in range(_BISECTIONS):
-            middle = np.sqrt(good_ratio * bad_ratio)
-            does = damped(middle)
-            good_ratio, bad_ratio = np.where(does, middle, good_ratio), np.where(does, bad_ratio, middle)
+        good_one, bad_one = (np.log(_RATIOS[np.clip(ends, 0, last)]) for ends in (inside, outside))
+        good_one, _ = bisected(lambda logarithms: damped(np.exp(logarithms)), good_one, bad_one, _BISECTIONS)
         open_end = (outside < 0) | (outside > last)
-        found[some] = np.where(open_end, beyond, good_ratio)[some]
+        found[some] = np.where(open_end, beyond, np.exp(good_one))[some]
     return DampingLimits(
         resonance=transmission.resonance, inertia=inertia, frequencies=frequencies, least=least, largest=largest
     )

@@ -16,7 +16,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.model.bisection import bisected
+from stickslip_ros.model.bisection import nearest_to_zero
 from stickslip_ros.model.bounds import TINY
 from stickslip_ros.model.friction import Gains, Joint, Real
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Bound, ObservedLoop, bounds_at
@@ -152,15 +152,8 @@ class AdviceSearch:
             found[found] = self._satisfied(places[found], np.full(int(found.sum()), present)) if found.any() else False
             return np.asarray(found)
 
-        places = self._places(self._reach)
-        good = np.flatnonzero(allowed(places))
-        if len(good) == 0:
-            return None
-        nearest = int(good[np.argmin(np.abs(places[good]))])
-        inside = float(places[nearest])
-        outside = float(places[min(max(nearest - int(np.sign(inside)), 0), len(places) - 1)])
-        inside, _ = bisected(lambda middle: allowed(np.array([middle]))[0], inside, outside, _BISECTIONS)
-        return self._as_gains(inside, present)
+        nearest = nearest_to_zero(allowed, self._places(self._reach), _BISECTIONS)
+        return None if nearest is None else self._as_gains(nearest, present)
 
     def least_change(self) -> Gains | None:
         """The gains nearest to the present ones."""

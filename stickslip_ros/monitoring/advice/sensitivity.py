@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.model.bisection import bisected
+from stickslip_ros.model.bisection import nearest_to_zero
 from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.dimensionless import DimensionlessGroups, dimensionless_groups
 from stickslip_ros.model.exact import cycle_persists, exact_critical_damping_ratio
@@ -131,11 +131,5 @@ def _reached(groups: DimensionlessGroups, wanted: float, condition: Criterion) -
 def _nearest_factor(reached: Callable[[FloatArray], NDArray[np.bool_]], grid: FloatArray) -> float:
     if reached(np.zeros(1))[0]:
         return 1.0
-    good = np.flatnonzero(reached(grid))
-    if len(good) == 0:
-        return math.nan
-    index = int(good[np.argmin(np.abs(grid[good]))])
-    inside = float(grid[index])
-    outside = float(grid[index - 1] if inside > 0 else grid[min(index + 1, len(grid) - 1)])
-    inside, _ = bisected(lambda middle: reached(np.array([middle]))[0], inside, outside, _BISECTIONS)
-    return math.exp(inside)
+    nearest = nearest_to_zero(reached, grid, _BISECTIONS)
+    return math.nan if nearest is None else math.exp(nearest)

@@ -19,19 +19,7 @@ import numpy as np
 from stickslip_ros.compilation import helper, inlined
 from stickslip_ros.compilation import kernel as compiled
 from stickslip_ros.model import _friction_law
-from stickslip_ros.model._linear_step import fill_polynomial, fill_step
-from stickslip_ros.monitoring.friction._window_step import (
-    COLUMNS,
-    END_POSITION,
-    IN_FACTORIALS,
-    LAGRANGE,
-    LATER,
-    NODES,
-    POINTS,
-    ROWS,
-    fill_weights,
-    first_not_positive,
-)
+from stickslip_ros.model._linear_step import fill_polynomial, fill_step, lobatto_points
 
 # Indices of the fitted parameters: those that shape a slip, then those of Eq. (6), from slip to slip; each in the order
 # of the table in `model.friction`. Coulomb friction is fitted apart.
@@ -66,9 +54,61 @@ _NO_STEP = 1e-9  # lag, of a step: a shorter one takes no step of its own
 _HALVINGS = 7  # halvings of the longest step, 1: at most
 _SETTLED = 1e-12  # change of the Stribeck friction by an iteration, of the level at breakaway
 
+# A step of :mod:`stickslip_ros.model._linear_step`, in which time is counted in steps.
+_POINTS = 6  # points of a step, 1
+_NODES, _LAGRANGE = lobatto_points(_POINTS)
+_LATER = _NODES[1:].copy()  # all but the step's beginning
+_IN_FACTORIALS = _LAGRANGE * np.array([[1.0 * math.factorial(k)] for k in range(_POINTS)])  # the same, of s^k/k!
+
+# Rows of a step's matrix: velocity at the points after the first, position at the end.
+# Columns: position and velocity at the start, then the force at the points.
+_ROWS, _COLUMNS = _POINTS, _POINTS + 2
+_END_POSITION = _POINTS - 1
+
 # Helpers, for what is inlined at many places takes numba long to go through.
 _risen_level = helper()(_friction_law.risen_level)
 _stribeck_friction = helper()(_friction_law.stribeck_friction)
+
+
+@helper()
+def _fill_weights(share, weights, row):
+    """Weights of the values at a step's points in the polynomial through them, at a share of the step."""
+    points = weights.shape[1]
+    for j in range(points):
+        total = 0.0
+        for k in range(points - 1, -1, -1):
+            total = total * share + _LAGRANGE[k, j]
+        weights[row, j] = total
+
+
+@inlined()
+def _first_not_positive(values, coefficients, point):
+    """Share of a step at which the polynomial through the points falls to zero, seen first not to be above it at one.
+
+    ``values`` are those at the points.
+    """
+    points = values.shape[0]
+    low, high = _NODES[point - 1], _NODES[point]
+    if values[point - 1] <= 0.0:
+        return low
+    share = 0.5 * (low + high)
+    for _ in range(60):
+        value, slope = 0.0, 0.0
+        for k in range(points - 1, -1, -1):
+            slope = slope * share + value
+            value = value * share + coefficients[k]
+        if value > 0.0:
+            low = share
+        else:
+            high = share
+        following = share - value / slope if slope < 0.0 else low
+        if not low < following < high:
+            following = 0.5 * (low + high)
+        moved = abs(following - share)
+        share = following
+        if moved < 1e-13:
+            break
+    return share
 
 
 @helper()
@@ -111,8 +151,8 @@ def _fill_lagged_weights(lag, weights):
     ``lag`` is in steps.
     """
     for j in range(1, weights.shape[0]):
-        if NODES[j] >= lag:
-            fill_weights(NODES[j] - lag, weights, j)
+        if _NODES[j] >= lag:
+            _fill_weights(_NODES[j] - lag, weights, j)
 
 
 @helper()
@@ -159,8 +199,8 @@ def _slide(
     steps it took.
     """
     points, columns, halvings = weights.shape[1], matrices.shape[2], matrices.shape[0] - 2
-    vector, forces, shapes, dragged = np.empty(COLUMNS), np.empty(POINTS), np.empty(POINTS), np.zeros(POINTS)
-    values, unscaled = np.empty(POINTS), np.ones(POINTS)
+    vector, forces, shapes, dragged = np.empty(_COLUMNS), np.empty(_POINTS), np.empty(_POINTS), np.zeros(_POINTS)
+    values, unscaled = np.empty(_POINTS), np.ones(_POINTS)
     unit, lag = plant[STRIBECK_VELOCITY], plant[LAG]
     before_fall = math.ceil(lag / steps[_COARSE] - _NO_STEP)
     way, speed = 0.0, creep
@@ -183,29 +223,29 @@ def _slide(
             filled[which] = True
             inertia = plant[INERTIA]
             spring, damping = stiffness * size * size / inertia, plant[VISCOUS] * size / inertia
-            fill_step(1.0, spring, damping, LATER, unscaled, IN_FACTORIALS, matrix)
+            fill_step(1.0, spring, damping, _LATER, unscaled, _IN_FACTORIALS, matrix)
             _fill_lagged_weights(lag / size, weights[which])
         start = begin + elapsed
         mobility = size * size / plant[INERTIA]
         implicit = points
         for j in range(1, points):
-            time = start + NODES[j] * size
+            time = start + _NODES[j] * size
             while cursor + 1 < last and times[cursor + 1] < time:
                 cursor += 1
             forces[j] = surplus + direction * _at(time, cursor, times, drives) - drive
-            before = elapsed + NODES[j] * size - lag
+            before = elapsed + _NODES[j] * size - lag
             if before <= 0.0 or index < before_fall:
                 lagged = 0.0  # it had not begun
-            elif NODES[j] * size >= lag:
+            elif _NODES[j] * size >= lag:
                 implicit = min(implicit, j)
-                lagged = (speed + acceleration * (NODES[j] * size - lag)) / unit
+                lagged = (speed + acceleration * (_NODES[j] * size - lag)) / unit
             else:
                 past = _step_at(before, past, index, spans)
                 lagged = _velocity(before, past, spans, polynomials)
             shapes[j] = _stribeck_friction(law, 1.0, lagged)
             if drag != 0.0:
                 # To begin with, as fast as it would be with the acceleration of the step's beginning.
-                dragged[j] = drag * (speed + acceleration * NODES[j] * size) ** 2
+                dragged[j] = drag * (speed + acceleration * _NODES[j] * size) ** 2
             vector[2 + j] = mobility * (forces[j] + level * (1.0 - shapes[j]) - dragged[j])
         values[0] = speed / unit
         vector[0], vector[1], vector[2] = way, speed * size, acceleration * size * size
@@ -234,18 +274,18 @@ def _slide(
             if change < _SETTLED:
                 break
         spans[index, 0], spans[index, 1] = elapsed, size
-        fill_polynomial(values, LAGRANGE, polynomials[index])
+        fill_polynomial(values, _LAGRANGE, polynomials[index])
         end = 0.0
         for j in range(columns):
-            end += matrix[END_POSITION, j] * vector[j]
-        end_speed = values[POINTS - 1] * unit
-        force = forces[POINTS - 1] + level * (1.0 - shapes[POINTS - 1])
+            end += matrix[_END_POSITION, j] * vector[j]
+        end_speed = values[_POINTS - 1] * unit
+        force = forces[_POINTS - 1] + level * (1.0 - shapes[_POINTS - 1])
         resistance = (plant[VISCOUS] + drag * end_speed) * end_speed
         end_acceleration = (force - stiffness * end - resistance) / plant[INERTIA]
         arrest = math.inf
         for j in range(1, points):
             if values[j] <= 0.0:
-                arrest = first_not_positive(values, polynomials[index], j)
+                arrest = _first_not_positive(values, polynomials[index], j)
                 break
         # Coefficients of the polynomial of degree five through position, velocity and acceleration at both ends.
         one, two = speed * size, 0.5 * acceleration * size * size
@@ -335,10 +375,10 @@ def simulate_windows(
             needed = _LONGEST * (times[edges[n + 1] - 1] - starts[variant, n, BREAKAWAY]) / smallest
             if room < needed < _MOST_STEPS:
                 room = needed
-    spans, polynomials = np.empty((int(room) + 3, 2)), np.empty((int(room) + 3, POINTS))
+    spans, polynomials = np.empty((int(room) + 3, 2)), np.empty((int(room) + 3, _POINTS))
     # Of the steps until one lag after breakaway, then of those halved so many times.
     filled = np.zeros(_HALVINGS + 2, dtype=np.bool_)
-    matrices, weights = np.empty((_HALVINGS + 2, ROWS, COLUMNS)), np.empty((_HALVINGS + 2, POINTS, POINTS))
+    matrices, weights = np.empty((_HALVINGS + 2, _ROWS, _COLUMNS)), np.empty((_HALVINGS + 2, _POINTS, _POINTS))
     plant = np.empty(RISE_TIME + 1)
     for variant in range(parameters.shape[0]):
         for i in range(RISE_TIME + 1):

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -53,6 +54,7 @@ _KNOWN = {
 }
 _SEEN = 3.0  # value, standard errors
 _ROUGHLY = 0.3  # standard error, of the value: with less a parameter that is not identified is still no guess
+OfALaw = TypeVar("OfALaw", "LawAlternative", "FrictionEstimate")
 DRAWS = 128  # draws from the estimate, 1: half of them and their mirror images
 
 
@@ -246,12 +248,8 @@ class FrictionEstimate:
         """
         if not self.normalised or not stiffness > 0:
             return self
-        logarithms, covariance = _with_stiffness(self.logarithms, self.covariance, stiffness, damping)
-        others = []
-        for other in self.alternatives:
-            its_logarithms, its_covariance = _with_stiffness(other.logarithms, other.covariance, stiffness, damping)
-            others.append(replace(other, logarithms=its_logarithms, covariance=its_covariance))
-        return replace(self, normalised=False, logarithms=logarithms, covariance=covariance, alternatives=tuple(others))
+        others = tuple(_with_stiffness(other, stiffness, damping) for other in self.alternatives)
+        return replace(_with_stiffness(self, stiffness, damping), normalised=False, alternatives=others)
 
     @property
     def is_a_guess(self) -> bool:
@@ -293,12 +291,9 @@ class FrictionEstimate:
         return text
 
 
-def _with_stiffness(
-    logarithms: FloatArray, covariance: FloatArray, stiffness: float, damping: float
-) -> tuple[FloatArray, FloatArray]:
-    """Logarithms and covariance in units of torque, of those per inertia, with ω² in the inertia's place."""
-    slopes = np.eye(PARAMETERS)
-    logarithms = logarithms.copy()
+def _with_stiffness(known: OfALaw, stiffness: float, damping: float) -> OfALaw:
+    """The same with logarithms and covariance in units of torque, of those per inertia, with ω² for the inertia."""
+    slopes, logarithms = np.eye(PARAMETERS), known.logarithms.copy()
     logarithms[INERTIA] = math.log(stiffness) - logarithms[INERTIA]
     slopes[INERTIA, INERTIA] = -1.0
     inertia = math.exp(logarithms[INERTIA])
@@ -307,11 +302,11 @@ def _with_stiffness(
         slopes[index, INERTIA] = -1.0
     total = math.exp(logarithms[VISCOUS])
     viscous = total - damping
-    error = math.sqrt(max(float(slopes[VISCOUS] @ covariance @ slopes[VISCOUS]), 1e-12)) * total
+    error = math.sqrt(max(float(slopes[VISCOUS] @ known.covariance @ slopes[VISCOUS]), 1e-12)) * total
     viscous = max(viscous, LEAST_VISCOUS * error, 1e-6 * inertia)
     logarithms[VISCOUS] = math.log(viscous)
     slopes[VISCOUS] *= min(total / viscous, 1e3)
-    return logarithms, slopes @ covariance @ slopes.T
+    return replace(known, logarithms=logarithms, covariance=slopes @ known.covariance @ slopes.T)
 
 
 def _normal_draws() -> FloatArray:

@@ -13,6 +13,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import stdtr
 
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -51,7 +52,7 @@ class Regression:
     def significance(self, index: int) -> float:
         """Probability that a coefficient which is zero is found as large as this, either way; Student's t."""
         std = self.std(index)
-        return student_tail(abs(float(self.coefficients[index])) / std, self.freedom) if std > 0 else 1.0
+        return 2.0 * float(stdtr(self.freedom, -abs(float(self.coefficients[index])) / std)) if std > 0 else 1.0
 
 
 def regression(columns: FloatArray, values: FloatArray, standard_error: float = 0.0) -> Regression:
@@ -99,21 +100,3 @@ def _autocorrelation(residuals: FloatArray) -> float:
     total = float(residuals @ residuals)
     seen = float(residuals[1:] @ residuals[:-1]) / total if total > 0 else 0.0
     return min(seen + (1.0 + 3.0 * seen) / len(residuals), _LARGEST_AUTOCORRELATION) if seen > 0 else 0.0
-
-
-def student_tail(ratio: float, freedom: int) -> float:
-    """Probability that Student's t of so many degrees of freedom is further from zero than a ratio.
-
-    The finite series of Abramowitz and Stegun, Eqs 26.7.3 and 26.7.4.
-    """
-    angle = math.atan(ratio / math.sqrt(freedom))
-    sine, cosine = math.sin(angle), math.cos(angle)
-    odd = freedom % 2
-    term = total = cosine if odd else 1.0
-    for number in range(2 + odd, freedom - 1, 2):
-        term *= cosine**2 * (number - 1) / number
-        total += term
-    if freedom == 1:
-        total = 0.0
-    inside = (angle + sine * total) * 2.0 / math.pi if odd else sine * total
-    return min(max(1.0 - inside, 0.0), 1.0)

@@ -79,7 +79,7 @@ def search(problem: SlipProblem, start: FloatArray | None = None) -> Solution | 
         return None
     best = fit_again(problem, start) if start is not None else None
     best = best or _search_anew(problem)
-    return in_the_deepest_valley(best.reweighed()) if best is not None else None
+    return in_the_deepest_valley(best) if best is not None else None
 
 
 def _search_anew(problem: SlipProblem) -> Solution | None:

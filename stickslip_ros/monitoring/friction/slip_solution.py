@@ -88,10 +88,6 @@ class Solution:
         """Standard deviation of what the model cannot explain of the positions [rad]; 0 if it explains all."""
         return self.problem.noise.tolerance
 
-    def reweighed(self) -> Solution:
-        """The same with what the observations say at the speeds of the fit."""
-        return replace(self, problem=self.problem.weighed(self.fit.velocities, tolerance=self.tolerance))
-
 
 def _mean_square(fit: SlipFit) -> float:
     return float(np.mean(fit.residuals[fit.residuals != 0.0] ** 2))
@@ -107,13 +103,12 @@ def fit_near(problem: SlipProblem, start: FloatArray, shape: SlipFit) -> Solutio
     solution = _fit_from(problem, start)
     if solution is not None and solution.mean_square >= GOOD:
         solution = fit_loosely(problem, solution.prior, replace(shape, parameters=start)) or solution
-    return None if solution is None else solution.reweighed()
+    return solution
 
 
 def truncated_fit(problem: SlipProblem, start: FloatArray) -> Solution | None:
     """Fit of a few slips in few iterations; None if nothing near the start can be simulated."""
-    solution = _fit_from(problem, start, patience=_ROUND)
-    return None if solution is None else solution.reweighed()
+    return _fit_from(problem, start, patience=_ROUND)
 
 
 def fit_again(problem: SlipProblem, start: FloatArray) -> Solution | None:
@@ -182,6 +177,7 @@ def fit_all(
             scored=final == _FINAL,
         )
         problem = _without_outliers(problem, fit)
+    problem = problem.weighed(fit.velocities)
     return Solution(problem=problem, fit=fit, prior=prior, balance_error=balance, link_error=link)
 
 
