@@ -13,7 +13,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import stdtr
 
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -51,6 +50,9 @@ class Regression:
 
     def significance(self, index: int) -> float:
         """Probability that a coefficient which is zero is found as large as this, either way; Student's t."""
+        # scipy loads slowly, and most uses of this package have no use for it.
+        from scipy.special import stdtr
+
         std = self.std(index)
         return 2.0 * float(stdtr(self.freedom, -abs(float(self.coefficients[index])) / std)) if std > 0 else 1.0
 
