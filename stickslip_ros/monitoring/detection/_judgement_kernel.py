@@ -314,7 +314,7 @@ def _entry_of(time, motion):
     return (at + 1) % PAST if at != (motion.entries - 1) % PAST else -1
 
 
-@compiled()
+@helper()
 def end_of_slice(time, motion):
     """When the slice ended in which a time lies [s]; now if it has not ended."""
     at = _entry_of(time, motion)
