@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import BinaryIO
 
 from stickslip_ros.parent_death import die_with_parent
 
@@ -66,10 +67,15 @@ class NodeProcess:
             arguments += ["--params-file", str(params_file)]
         target = [module] if module.endswith(".py") else ["-m", "stickslip_ros.nodes", module]
         self._log = tempfile.TemporaryFile()  # noqa: SIM115
+        self._process = self._begin([sys.executable, *target, "--ros-args", *arguments], self._log)
+
+    @staticmethod
+    def _begin(command: list[str], log: BinaryIO) -> subprocess.Popen[bytes]:
+        """Begin the process; tests fork it in place of this."""
         # A session of its own, so that Ctrl-C reaches the command first, which then ends its nodes in order.
-        self._process = subprocess.Popen(
-            [sys.executable, *target, "--ros-args", *arguments], stdout=self._log, stderr=subprocess.STDOUT,
-            start_new_session=True, preexec_fn=_begin if target[0] == "-m" else die_with_parent,
+        return subprocess.Popen(
+            command, stdout=log, stderr=subprocess.STDOUT, start_new_session=True,
+            preexec_fn=_begin if command[1] == "-m" else die_with_parent,
         )  # fmt: skip
 
     def __enter__(self) -> NodeProcess:

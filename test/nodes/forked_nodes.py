@@ -35,6 +35,8 @@ _MOST_DESCRIPTORS, _HIGH = 8, 200  # descriptors that such a process is given, 1
 class NodeProcess(processes.NodeProcess):
     """One node, as :class:`stickslip_ros.cli.processes.NodeProcess`, forked."""
 
+    assert "_begin" in vars(processes.NodeProcess)
+
     @staticmethod
     def _begin(command: list[str], log: BinaryIO) -> _Fork:  # type: ignore[override]
         return _Fork(command, log.fileno())
