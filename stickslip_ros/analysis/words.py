@@ -30,6 +30,7 @@ _WHOLE_PERCENTS = 0.1  # a share from which on whole percents are enough
 _MOST_NAMED = 5  # joints
 _SLOW_SHARE = 0.1  # share of the time of stick-slip, 1: what is shorter may be a start
 _SLOWER = 0.8  # speed, of that of the advice: gains with the wanted reserve are enough to it
+_PRINTED = 0.1  # error of three printed digits, %: a smaller one is printed so
 _MATTERS = (Status.STICK_SLIP, Status.AT_RISK)
 
 
@@ -237,8 +238,9 @@ def ring(joint: JointAnalysis, subject: str = "It") -> str:
     found = joint.assessment.ring
     if found is None:
         return ""
+    error = max(100.0 * found.frequency_std / found.frequency, _PRINTED)
     return (
-        f"{subject} rings at {found.frequency:.3g} ± {found.frequency_std:.1g} Hz after its slips (damping ratio "
+        f"{subject} rings at {found.frequency:.3g} Hz ± {error:.1g} % after its slips (damping ratio "
         f"{found.damping_ratio:.2g}). Gains with a bandwidth near {2.0 * math.pi * found.frequency:.3g} rad/s would "
         f"excite that."
     )
