@@ -22,7 +22,8 @@ from std_msgs.msg import Float64MultiArray
 
 from stickslip_ros.cli.watch_view import JointView
 from stickslip_ros.messages.joint_states import seconds
-from stickslip_ros.nodes.intake.arrivals import JointStateTopic, Refusals
+from stickslip_ros.nodes.intake.arrivals import JointStateTopic
+from stickslip_ros.nodes.intake.refusals import Refusals
 from stickslip_ros.nodes.running import turn
 from stickslip_ros.output.diagnosis import Level
 from stickslip_ros.settings.parameter_names import MONITOR

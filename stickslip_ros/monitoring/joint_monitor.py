@@ -297,7 +297,7 @@ class JointMonitor:
                 continue
             if rest.complete:
                 self._reversals.add_rest(rest, self._samples)
-                self._ring.add_rest(rest, self._samples, self._motion.resolution, self._motion.noise)
+                self._ring.add_rest(rest, self._samples)
                 self._learn_presliding(rest)
                 cycles += self._settle(self._cycles.add_rest(rest))
                 continue

@@ -26,7 +26,7 @@ _LEAST_RESTS, _LEAST_SHARE = 4, 0.5  # rests that ring, 1: at least; of all rest
 _LONGEST = 3.0  # span of samples that a ring is fitted to, s
 _LEAVING = 0.1  # of the dwell, at its end: there the joint may have begun to leave
 _LEAST_SAMPLES, _MOST_SAMPLES = 24, 1000  # samples that are fitted, 1: at least for seven numbers; at most
-_LEAST_SWING = 3.0  # ring from peak to peak, of the resolution and of five standard deviations of the noise: at least
+_LEAST_SWING = 3.0  # ring from peak to peak, bands: at least
 _LEAST_PERIODS, _SAMPLES_OF_A_PERIOD = 1.5, 5.0  # periods in a rest, samples in a period, 1: at least
 _EVALUATIONS = 30  # evaluations of a fit, 1: at most
 _FINER = 4  # lines of the spectrum, of those without zeros behind the samples, 1
@@ -64,8 +64,8 @@ class RingMeter:
         self._found: deque[tuple[float, float] | None] = deque(maxlen=_KEPT)
         self.estimate: RingEstimate | None = None
 
-    def add_rest(self, rest: Rest, samples: SampleBuffer, resolution: float, noise: float) -> None:
-        """Take a rest that is known in full; of the position the resolution, and the noise [rad]."""
+    def add_rest(self, rest: Rest, samples: SampleBuffer) -> None:
+        """Take a rest that is known in full."""
         if rest.direction_before == 0:
             return
         end = rest.breakaway - _LEAVING * rest.dwell
@@ -73,18 +73,18 @@ class RingMeter:
         if seen is None or len(seen) < _LEAST_SAMPLES:
             return
         few = slice(None, None, 1 + len(seen) // _MOST_SAMPLES)
-        self._found.append(_ring(seen.time[few], seen.position[few], max(resolution, 5.0 * noise)))
+        self._found.append(_ring(seen.time[few], seen.position[few], rest.band))
         self.estimate = _together(self._found)
 
 
-def _ring(times: FloatArray, positions: FloatArray, smallest: float) -> tuple[float, float] | None:
+def _ring(times: FloatArray, positions: FloatArray, band: float) -> tuple[float, float] | None:
     """Frequency [Hz] and damping ratio of the ring in one rest; None if it has none."""
     span = float(times[-1] - times[0])
     scaled = (times - times[0]) / span
     drift = np.stack([np.ones_like(scaled), scaled, scaled**2], axis=1)
     beside = positions - drift @ np.linalg.lstsq(drift, positions, rcond=None)[0]
     variance = float(beside @ beside)
-    if not np.ptp(beside) > _LEAST_SWING * smallest:
+    if not np.ptp(beside) > _LEAST_SWING * band:
         return None
     # Imported where it is needed, as it takes a fifth of a second.
     from scipy.optimize import least_squares

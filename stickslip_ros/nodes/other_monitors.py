@@ -16,7 +16,8 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 
 from stickslip_ros.messages.gain_parameters import some
-from stickslip_ros.nodes.intake.arrivals import SCAN_EVERY, DrainedSubscription
+from stickslip_ros.nodes.intake.arrivals import DrainedSubscription
+from stickslip_ros.nodes.intake.publishers import SCAN_EVERY
 from stickslip_ros.visible import visible
 
 _MONITOR, _STATES, _JOINTS = "this monitor", "joint_states", "joints"  # keys in the status of a monitor

@@ -26,8 +26,9 @@ from stickslip_ros.nodes import node_parameters
 from stickslip_ros.nodes.friction_feedforward import FrictionFeedforward
 from stickslip_ros.nodes.gains.gain_intake import GainIntake
 from stickslip_ros.nodes.gains.ramps import Ramps
-from stickslip_ros.nodes.intake.arrivals import Arrivals, Refusals, reference_message_type
+from stickslip_ros.nodes.intake.arrivals import Arrivals, reference_message_type
 from stickslip_ros.nodes.intake.inputs import Inputs
+from stickslip_ros.nodes.intake.refusals import Refusals
 from stickslip_ros.nodes.kept_state import RampJournal, StateKeeper
 from stickslip_ros.nodes.other_monitors import OtherMonitors
 from stickslip_ros.nodes.publications import Publications, recommended_compensation, stability_maps

@@ -27,7 +27,8 @@ from stickslip_ros.model.friction import Gains
 from stickslip_ros.monitoring.samples import Batch, FloatArray, ReferencePairing
 from stickslip_ros.nodes.gains.gain_intake import ControllerGains
 from stickslip_ros.nodes.gains.remote_parameters import PATIENCE, RemoteParameters
-from stickslip_ros.nodes.intake.arrivals import JointStateTopic, Refusals
+from stickslip_ros.nodes.intake.arrivals import JointStateTopic
+from stickslip_ros.nodes.intake.refusals import Refusals
 from stickslip_ros.nodes.running import turn
 
 _QUEUE = 10_000  # depth of a queue, messages: ten seconds at 1 kHz

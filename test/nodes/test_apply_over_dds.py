@@ -24,6 +24,7 @@ CONTROLLER = "/simulated_joint"
 FAULTY = str(Path(__file__).with_name("faulty_joint.py"))
 STICKS = {"gains.joint1.p": 630.0, "gains.joint1.d": 0.0}
 _FAST = {"rate": 300.0, "time_factor": 3.0}
+_ASKED_AGAIN = 3
 
 
 def monitor(*joints: str, **more: object) -> NodeProcess:
@@ -147,9 +148,10 @@ def test_a_controller_that_fails(ros_domain: int, faults: dict[str, tuple[str, .
             old = gains(one)
             answer = one.answer("apply_recommendation")
             # Of a joint that a busy machine did not move for a moment.
-            while "its status is at_rest" in answer.message:
-                wait_for_stick_slip(one)
-                answer = one.answer("apply_recommendation")
+            for _ in range(_ASKED_AGAIN):
+                if "its status is at_rest" in answer.message:
+                    wait_for_stick_slip(one)
+                    answer = one.answer("apply_recommendation")
             assert not answer.success
             assert any(reason in answer.message for reason in reasons), answer.message
             stated = re.search(r"gains in force are p ([\d.]+), d ([\d.e-]+)", answer.message)

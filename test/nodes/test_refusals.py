@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from stickslip_ros.nodes.intake.arrivals import Refusals
+from stickslip_ros.nodes.intake.refusals import Refusals
 
 
 def test_a_refusal_is_in_the_status_for_a_minute() -> None:

@@ -31,7 +31,8 @@ from stickslip_ros.messages.joint_states import MessageError, gains_from_message
 from stickslip_ros.model.bounds import LARGEST
 from stickslip_ros.model.friction import Gains
 from stickslip_ros.nodes.gains.remote_parameters import PATIENCE, RemoteParameters
-from stickslip_ros.nodes.intake.arrivals import SCAN_EVERY, DrainedSubscription
+from stickslip_ros.nodes.intake.arrivals import DrainedSubscription
+from stickslip_ros.nodes.intake.publishers import SCAN_EVERY
 from stickslip_ros.nodes.watched_joints import MOST_JOINTS, WatchedJoints
 
 PD_GAINS = "pd_gains"

@@ -5,15 +5,14 @@
 rclpy's executor costs 60 to 190 µs a message however small the callback. Draining all waiting messages at once costs a
 tenth of that, and loses none as long as the queue holds a drain period's worth.
 
-The desired motion comes as JointStates, or as the states that a controller of control_msgs publishes. Publishers on a
-topic are known by the names of their nodes. What is refused is counted for the diagnostics, and logged once.
+The desired motion comes as JointStates, or as the states that a controller of control_msgs publishes.
 """
 
 from __future__ import annotations
 
 import math
-from collections import Counter, deque
-from collections.abc import Callable, Iterable, Sequence
+from collections import deque
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from time import monotonic, time
@@ -22,7 +21,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.callback_groups import CallbackGroup
-from rclpy.node import Node, NodeNameNonExistentError
+from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
 from rclpy.topic_endpoint_info import TopicEndpointInfo
@@ -43,20 +42,15 @@ from stickslip_ros.messages.joint_states import (
     with_time,
     with_times,
 )
+from stickslip_ros.nodes.intake.publishers import NAMED, name_of
+from stickslip_ros.nodes.intake.refusals import Refusals
 from stickslip_ros.visible import listed
 
-NAMED = 3  # number of names in a sentence, 1: a longer list is not read
-SCAN_EVERY = 1.0  # time between two scans of the graph for missing publishers and nodes, s: each goes through all nodes
-_UNKNOWN = "_NODE_NAME_UNKNOWN_"  # name in the graph before the name of a node is known
-_MOST_REASONS = 64  # number of reasons, 1: they may quote names from the graph, so their number is bounded
-_TOLD = 60.0  # time after a refusal for which the node's status is about it, s: an operator looks by then
 ARRIVAL = "arrival"
 _BY_THE_SYSTEM = "arrival by the system's clock (use_sim_time is true, and nothing is heard on /clock)"
 _MOST_AT_ONCE = 10_000  # number of messages in one drain, 1: more than any queue holds
 _DRAIN = 0.02  # span over which the first messages are spread, s: a drain period
 _MOST_BYTES = 256e6  # size of a backlog, bytes: minutes of messages while the node compiles
-
-Taken = TypeVar("Taken")
 _LONGEST_GAP = 5000  # gap in the sequence numbers, messages: after a larger one another publisher is assumed
 _MOST_STREAMS = 16  # number of publishers that are distinguished, 1: few topics have more than two
 _COUNT_EVERY = 0.5  # time between two counts of publishers, s: several publishers of a joint are reported within it
@@ -71,36 +65,7 @@ REFERENCE_TYPES = {
 }
 _QUEUE = 5000  # depth of a queue, messages: five seconds at 1 kHz without a drain lose none
 _PENDING_PER_TICK = 5.0  # span of waiting messages that one tick processes, s: a tick stays short
-
-
-class Refusals:
-    """Reasons and how often each occurred; their number is bounded.
-
-    Parameters
-    ----------
-    warn : writes to the log. clock : steady [s].
-    """
-
-    def __init__(self, warn: Callable[[str], None], clock: Callable[[], float] = monotonic) -> None:
-        self._warn, self._clock = warn, clock
-        self.counts: Counter[str] = Counter()
-        self._times: dict[str, float] = {}  # of the last of each [s]
-
-    def __call__(self, reason: str, count: int = 1) -> None:
-        """Count a refusal."""
-        if reason not in self.counts:
-            if len(self.counts) >= _MOST_REASONS:
-                reason = "more reasons than are kept"
-            if reason not in self.counts:
-                self._warn(f"refused: {reason}")
-        self.counts[reason] += count
-        self._times[reason] = self._clock()
-
-    @property
-    def latest(self) -> str:
-        """Of the last minute's reasons the one that occurred first most recently, "" if there is none."""
-        begin = self._clock() - _TOLD
-        return next((reason for reason, time in reversed(self._times.items()) if time > begin), "")
+Taken = TypeVar("Taken")
 
 
 class NeverExecuted(CallbackGroup):
@@ -579,40 +544,3 @@ class Arrivals:
     def _oldest(self) -> float:
         """Arrival of the oldest waiting message, a steady time [s]; infinite if none waits."""
         return min(self.states.waits_since, self._references.waits_since)
-
-
-def is_named(publisher: TopicEndpointInfo) -> bool:
-    """Whether the name of its node is known yet."""
-    return _UNKNOWN not in publisher.node_name
-
-
-def names_of(publishers: Iterable[TopicEndpointInfo]) -> list[str]:
-    """Fully qualified names of their nodes, each once."""
-    return sorted({name_of(one) for one in publishers})
-
-
-def publishers_by_topic(node: Node, message_type: str) -> dict[str, list[str]]:
-    """Topics on which other nodes publish messages of a type, each with their fully qualified names.
-
-    A query of the graph by topic would apply the node's own remappings, which other nodes do not have.
-    """
-    found: dict[str, list[str]] = {}
-    for name, space in sorted(node.get_node_names_and_namespaces()):
-        full = f"{space.rstrip('/')}/{name}"
-        if full == node.get_fully_qualified_name():
-            continue
-        try:
-            topics = node.get_publisher_names_and_types_by_node(name, space)
-        except NodeNameNonExistentError:  # it has gone meanwhile
-            continue
-        for topic, kinds in topics:
-            if message_type in kinds:
-                found.setdefault(topic, []).append(full)
-    return found
-
-
-def name_of(publisher: TopicEndpointInfo) -> str:
-    """Fully qualified name of its node."""
-    if not is_named(publisher):
-        return "a node without a name"
-    return f"{publisher.node_namespace.rstrip('/')}/{publisher.node_name}"

@@ -19,17 +19,13 @@ from stickslip_ros.messages.joint_states import TYPE
 from stickslip_ros.monitoring.assessment import Assessment
 from stickslip_ros.nodes.gains.gain_intake import PD_GAINS, GainIntake
 from stickslip_ros.nodes.intake.arrivals import (
-    NAMED,
     REFERENCE_TYPES,
     REFERENCES,
-    SCAN_EVERY,
     STATES,
     JointStateTopic,
-    is_named,
-    names_of,
-    publishers_by_topic,
     reference_type_name,
 )
+from stickslip_ros.nodes.intake.publishers import NAMED, SCAN_EVERY, is_named, names_of, publishers_by_topic
 from stickslip_ros.nodes.watched_joints import WatchedJoint, WatchedJoints
 from stickslip_ros.output.wording import references_off_text
 from stickslip_ros.regular_files import read_yaml
