@@ -119,6 +119,7 @@ def test_how_a_joint_hunts(capsys: pytest.CaptureFixture[str]) -> None:
     )
 
 
+@pytest.mark.nightly
 def test_a_hunt_that_presliding_ends(capsys: pytest.CaptureFixture[str]) -> None:
     """Issue 23: with presliding it may settle where the rigid law hunts: text and JSON say which."""
     given = ["margin", "--model", "puma560_joint1", "--stiffness", "630", "--velocity", "0", "--integral", "1000"]

@@ -98,6 +98,7 @@ def test_random_joints_are_identified() -> None:
     assert np.mean(covered) >= 0.9
 
 
+@pytest.mark.nightly
 def test_noise_loss_and_jitter_widen_the_errors() -> None:
     """Issue 4, show 2: at 200 Hz with noise, losses and stray stamps the median error stays within 8 %."""
     recordings = [drawn(seed)[0] for seed in range(1000, 1006)]
@@ -381,6 +382,7 @@ def test_slips_that_teach_nothing_are_told(puma: Joint) -> None:
     assert monitor.assessment().margin_reason.endswith("neither configured nor estimated")
 
 
+@pytest.mark.nightly
 def test_slider_on_a_spring() -> None:
     """Issue 4, show 6: friction from 42 and 1100 µm/s predicts the cycles there; at 4300 µm/s nothing is sure.
 

@@ -71,6 +71,7 @@ def test_an_exponential_curve_is_told_from_the_papers(seed: int) -> None:
     assert not papers.alternatives
 
 
+@pytest.mark.nightly
 def test_a_law_is_found_far_from_the_other_laws_parameters() -> None:
     """Issue 18: a look at the exponential law gave up in a wrong valley, and Stribeck friction was 32 % off, sure."""
     recording, estimate = learnt("exponential", 107)
@@ -90,7 +91,7 @@ def test_static_friction_that_scatters_bends_nothing(seed: int) -> None:
     assert not outside(recording, estimate)
 
 
-@pytest.mark.parametrize("seed", [6, 7])
+@pytest.mark.parametrize("seed", [6, nightly(7)])
 def test_what_the_slips_do_not_show_does_not_weigh_between_laws(seed: int) -> None:
     """Where all slips dwell as long, F_s∞ may be anything: another law must not win by a small one."""
     recording = random_recording(seed, CONDITIONS["base"])

@@ -235,6 +235,7 @@ def monitored_on_a_spring(gains: Gains | None) -> JointMonitor:
     return monitor
 
 
+@pytest.mark.nightly
 def test_a_load_on_a_spring_gets_no_factor() -> None:
     """Issue 36, item 8: what rings after each slip looks like viscous friction, up to 28 times the true one.
 

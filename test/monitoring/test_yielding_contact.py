@@ -109,6 +109,7 @@ def test_a_contact_that_does_not_yield_is_left_as_it_is(puma: Joint) -> None:
     assert learnt.contact is None
 
 
+@pytest.mark.nightly
 def test_a_joint_that_swings_on_its_contact_is_not_explained() -> None:
     """It slips again within two swings: what fits these slips nearly all the same was wrong by three errors."""
     recorded = random_recording(10, CONDITIONS["elastic_contact"])
