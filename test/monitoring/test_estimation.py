@@ -98,6 +98,17 @@ def test_random_joints_are_identified() -> None:
     assert np.mean(covered) >= 0.9
 
 
+@pytest.mark.parametrize("seed", [2028, 2012])
+def test_uneven_stamps_are_no_misfit(seed: int) -> None:
+    """Stamps are off by up to half a period: jitter counted for too little, and the friction "did not fit"."""
+    one = random_recording(seed)
+    estimate = estimated(one.noisy(seed % 7), one.gains)
+    assert not estimate.mismatch
+    covered = errors_of([(one, estimate)])[1]
+    assert len(covered) >= 3
+    assert all(covered)
+
+
 @pytest.mark.nightly
 def test_noise_loss_and_jitter_widen_the_errors() -> None:
     """Issue 4, show 2: at 200 Hz with noise, losses and stray stamps the median error stays within 8 %."""

@@ -431,7 +431,7 @@ def _fitted(
             fit.without_outliers(point)
             if fit.mean_square(point) > _NEARLY or fit.noise.usable.sum() < _LEAST_SLIPS:
                 return None
-            jitter = fit.data.jitter(fit.noise, point.residuals, point.velocities)
+            jitter = fit.data.jitter(fit.noise, point.residuals)
         speeds = point.velocities
     return point
 

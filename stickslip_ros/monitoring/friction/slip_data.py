@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from stickslip_ros.model.bounds import TINY
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
@@ -55,6 +56,7 @@ class NoiseModel:
     usable : slips that count, shape (slips,). linked : slips that go on from one that counts, of the same shape.
     counted : observations of slips that count, shape (m,).
     targets, errors : position that an observation shows, and its standard deviation [rad], shape (m,).
+    speeds : by which time stamps that are wrong move the joint [rad/s], shape (m,).
     jitter : standard deviation of time stamps [s].
     tolerance : part of every error that stands for what the model does not explain [rad].
     """
@@ -64,6 +66,7 @@ class NoiseModel:
     counted: NDArray[np.bool_]
     targets: FloatArray
     errors: FloatArray
+    speeds: FloatArray
     jitter: float
     tolerance: float
 
@@ -234,6 +237,7 @@ class SlipData:
             errors=np.sqrt(
                 (ROUNDING_STD * count) ** 2 + self._noises**2 + (speed * jitter) ** 2 + tolerance**2 + finest**2
             ),
+            speeds=speed,
             jitter=jitter,
             tolerance=tolerance,
         )
@@ -243,20 +247,27 @@ class SlipData:
         linked = self.follows & np.append(False, usable[:-1]) & usable
         return {"usable": usable, "linked": linked, "counted": usable[self.slip_of]}
 
-    def jitter(self, noise: NoiseModel, residuals: FloatArray, velocities: FloatArray) -> float:
-        """Jitter of time stamps [s] by residuals of a fit under a noise model [1] where the joint moves fast."""
-        speed = np.abs(velocities[self.observed])
-        fast = (speed > 0.3 * self.usual_speed) & (np.abs(residuals) < 4.0) & noise.counted
+    def jitter(self, noise: NoiseModel, residuals: FloatArray) -> float:
+        """Jitter of time stamps [s] by residuals of a fit under a noise model [1] where the joint moves fast.
+
+        With it they are as large as their errors, or it is the largest that the stamps may have.
+        """
+        fast = (noise.speeds > 0.3 * self.usual_speed) & (np.abs(residuals) < 4.0) & noise.counted
         if not fast.any():
             return noise.jitter
-        in_time = noise.errors[fast] / speed[fast]
-        expected = in_time**2 - noise.jitter**2
-        excess = float(np.mean((residuals[fast] * in_time) ** 2 - expected))
         # What even stamps do not show is something else, as the swing of a load on a spring, or a fit on its way.
         gaps = self.gaps[self._at_edge] if self._at_edge.any() else np.diff(self.times)
         uneven = gaps - self.sample_interval * np.round(gaps / self.sample_interval)
         largest = float(np.sqrt(np.mean(uneven**2)))
-        return min(math.sqrt(excess), largest) if excess > 0.2 * float(np.mean(expected)) else 0.0
+        squares, by_jitter = (residuals * noise.errors)[fast] ** 2, noise.speeds[fast] ** 2
+        known = noise.errors[fast] ** 2 - by_jitter * noise.jitter**2
+
+        def excess(jitter: float) -> float:
+            return float(np.mean(squares / (known + by_jitter * jitter**2))) - 1.0
+
+        if excess(0.0) <= 0.0:
+            return 0.0
+        return largest if excess(largest) >= 0.0 else float(brentq(excess, 0.0, largest, rtol=1e-6))
 
     def mean_run(self, counted: NDArray[np.bool_], residuals: FloatArray) -> float:
         """Mean length of the runs of residuals of one sign, of that of independent ones; at least one."""

@@ -161,7 +161,7 @@ def fit_all(
         parameters = fit.parameters
         problem = _without_outliers(problem, fit)
     for final in range(1, _FINAL + 1):
-        jitter = problem.data.jitter(problem.noise, fit.residuals, fit.velocities)
+        jitter = problem.data.jitter(problem.noise, fit.residuals)
         problem = problem.weighed(fit.velocities, jitter=jitter)
         balance = balance_error(problem, fit)
         link = link_error(problem, fit, balance)
