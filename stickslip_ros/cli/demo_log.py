@@ -217,7 +217,7 @@ def draw(data: DemoData, path: Path, *, title: str, marks: Sequence[tuple[float,
         panel.set_ylabel("damping reserve [%]")
         at = 0.005 * (states[-1, 0] - start)
         # Beside the line at 0, of which they speak: a joint that sticks stays near the lower edge.
-        panel.text(at, 5.0, "above 0: smooth", fontsize=8, color=GREEN)
+        panel.text(at, 5.0, "above 0: no stick-slip", fontsize=8, color=GREEN)
         panel.text(at, -5.0, "below 0: stick-slip", va="top", fontsize=8, color=RED)
     for panel in axes[:, 0]:
         for changed, _ in marks:
