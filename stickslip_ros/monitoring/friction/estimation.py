@@ -303,7 +303,7 @@ def _dry_parts(
 def unexplained(fitted: FittedLaw) -> str:
     """What a fit does not explain, "" if it explains all."""
     problem, solution = fitted.problem, fitted.solution
-    scatter = solution.balance_error / math.exp(solution.fit.parameters[STRIBECK])
+    scatter = solution.friction_scatter / math.exp(solution.fit.parameters[STRIBECK])
     aside = int((~problem.noise.usable).sum())
     reasons = []
     if solution.tolerance > 0.0:

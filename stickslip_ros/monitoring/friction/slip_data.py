@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from stickslip_ros.model.bounds import TINY
 from stickslip_ros.monitoring.friction.slip_windows import ForceSource, SlipWindow
@@ -252,6 +251,8 @@ class SlipData:
 
         With it they are as large as their errors, or it is the largest that the stamps may have.
         """
+        from scipy.optimize import brentq
+
         fast = (noise.speeds > 0.3 * self.usual_speed) & (np.abs(residuals) < 4.0) & noise.counted
         if not fast.any():
             return noise.jitter

@@ -79,6 +79,11 @@ class Solution:
         return _mean_square(self.fit)
 
     @property
+    def friction_scatter(self) -> float:
+        """Scatter of the kinetic friction from slip to slip that jitter of the time stamps does not make [N·m]."""
+        return math.sqrt(max(self.balance_error**2 - _by_jitter(self.problem, self.fit) ** 2, 0.0))
+
+    @property
     def left_over(self) -> float:
         """The tolerance as a share of a slip."""
         return self.tolerance / self.problem.data.usual_distance
@@ -261,12 +266,15 @@ def balance_error(problem: SlipProblem, fit: SlipFit) -> float:
     """Scatter of the kinetic friction from slip to slip [N·m], at least what rounding makes."""
     used = fit.misfits[problem.noise.usable]
     freedom = len(used) - problem.balance.shape[1] - 1
-    least = math.hypot(
-        _LEAST_BALANCE * math.exp(fit.parameters[STRIBECK]), problem.noise.jitter * problem.loading_rate(fit.parameters)
-    )
+    least = math.hypot(_LEAST_BALANCE * math.exp(fit.parameters[STRIBECK]), _by_jitter(problem, fit))
     if freedom < 1:
         return 100.0 * least
     return max(scatter_of(used) * math.sqrt(len(used) / freedom), least)
+
+
+def _by_jitter(problem: SlipProblem, fit: SlipFit) -> float:
+    """Error of the force at a breakaway that jitter of the time stamps makes [N·m]."""
+    return problem.noise.jitter * problem.loading_rate(fit.parameters)
 
 
 def link_error(problem: SlipProblem, fit: SlipFit, balance: float) -> float:
