@@ -18,7 +18,7 @@ from stickslip_ros.model.joint_simulation import EventKind, simulate
 from stickslip_ros.monitoring.assessment import MonitorOptions
 from stickslip_ros.monitoring.detection.cycles import Cycle, Motion, SpringEvidence
 from stickslip_ros.monitoring.detection.slip_shape import SlipShape, slip_shape
-from stickslip_ros.monitoring.detection.status import Status, StopsAndGoes
+from stickslip_ros.monitoring.detection.status import Status, StopsAndGoes, TooCoarse
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch, FloatArray
 from stickslip_ros.settings.known_joints import load_joint
@@ -311,3 +311,36 @@ def test_a_joint_that_slows_down_with_its_reference_is_at_no_risk() -> None:
     for reference, at_risk in ((commanded, False), (float(np.mean(dips)) * time, True)):
         monitor, _, _ = followed(Batch(time=time, position=place, reference_position=reference))
         assert (Status.AT_RISK in {segment.status for segment in monitor.segments}) is at_risk
+
+
+@pytest.mark.parametrize(
+    ("gains", "velocity", "resolution", "expected"),
+    [
+        # Slips of 3 counts, of one and of a tenth of one; a joint that slides, by 10 counts a second.
+        (Gains(stiffness=630.0), 0.02, 5e-3, Status.NOT_JUDGED),
+        (Gains(stiffness=2016.0), 0.005, 2e-3, Status.NOT_JUDGED),
+        (Gains(stiffness=630.0), 0.02, 0.06, Status.NOT_JUDGED),
+        (Gains(stiffness=630.0, damping=400.0), 0.02, 2e-3, Status.SMOOTH),
+    ],
+)
+def test_an_encoder_that_hides_slips_shows_no_smooth_joint(
+    puma: Joint, gains: Gains, velocity: float, resolution: float, expected: Status
+) -> None:
+    """Where 20 counts take longer than three times the motion needed, the joint stuck and was "smooth"."""
+    times = np.arange(0.0, 100.0, 0.004)
+    references, velocities = velocity * times, np.full(len(times), velocity)
+    position = simulate(puma, gains, references, velocities, period=0.004).position
+    batch = Batch(
+        time=times,
+        position=resolution * np.round(position / resolution),
+        reference_position=references,
+        reference_velocity=velocities,
+    )
+    monitor, seen = JointMonitor(options=OPTIONS), set()
+    for begin in range(0, len(batch), 25):
+        monitor.process(batch.where(slice(begin, begin + 25)))
+        seen.add(monitor.finding().status)
+    assert monitor.finding().status is expected
+    if expected is Status.NOT_JUDGED:
+        assert isinstance(monitor.finding().reason, TooCoarse)
+        assert Status.SMOOTH not in seen

@@ -104,7 +104,7 @@ class TooCoarse:
 
     Attributes
     ----------
-    counts : from one stand to the next [1].
+    counts : from one stand to the next [1]; NaN if it is so slow that a cycle has too few.
     """
 
     counts: float
