@@ -262,7 +262,7 @@ def friction_estimate(fits: list[FittedLaw], *, configured: bool) -> FrictionEst
         aside=aside,
         mean_square=solution.mean_square,
         left_over=solution.left_over,
-        scatter=solution.balance_error,
+        scatter=solution.friction_scatter,
         mismatch=mismatch,
         configured=configured,
         law=fits[0].law,
