@@ -31,7 +31,7 @@ from stickslip_ros.bags.storage.formats import files_of, is_bag_file, is_bag_fol
 from stickslip_ros.compilation import without_linear_algebra
 from stickslip_ros.errors import StickSlipError, in_words
 from stickslip_ros.files import write_whole
-from stickslip_ros.interrupts import check, take_signals, without_interrupts
+from stickslip_ros.interrupts import Interrupted, check, take_signals, without_interrupts
 from stickslip_ros.parent_death import die_with_parent
 from stickslip_ros.regular_files import read_regular
 
@@ -242,7 +242,12 @@ def _answer_of(number: int, task: BagTask) -> TimedAnswer:
         check()
         _shares[number] = share
 
-    return answer(task, report)
+    try:
+        return answer(task, report)
+    except Interrupted as interrupted:
+        # The pool would hand on whatever is raised, and the process would wait for another bag: for ever, where the
+        # pool waits for its end because another process died.
+        os._exit(interrupted.status)
 
 
 def _by_processes(

@@ -13,8 +13,10 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
+import psutil
 import pyarrow.parquet
 import pytest
 from browser import browser
@@ -197,6 +199,33 @@ def test_a_killed_process_loses_nothing(fleet: Path, alone: str) -> None:
     found = analyze_fleet(find_bags([fleet]), _OPTIONS, jobs=2, progress=kill_one)
     assert killed
     assert json.dumps(found) == alone
+
+
+def test_a_process_that_dies_stops_no_other_for_ever(tmp_path: Path) -> None:
+    """The other one is asked to end in the middle of a bag; it handed that on as its answer, and waited for more."""
+    for name in "ab":
+        joints = {joint: sticking(0.007) for joint in ("x", "y", "z")}
+        write_simulation(tmp_path / f"{name}.mcap", joints, duration=60.0, rate=1000.0)
+    command = [sys.executable, "-m", "stickslip_ros.cli.main", "analyze", str(tmp_path), "--jobs", "2", "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
+        try:
+            until = time.monotonic() + LIMIT
+            while len(reading := _reading(process.pid)) < 2:
+                assert time.monotonic() < until
+            reading[0].kill()
+            found = json.loads(process.communicate(timeout=LIMIT)[0])
+        finally:
+            process.kill()
+    assert [bag.get("error") for bag in found["bags"]] == [None, None]
+
+
+def _reading(parent: int) -> list[psutil.Process]:
+    """The processes of a command that have a bag open."""
+    found = []
+    for one in psutil.Process(parent).children():
+        with suppress(psutil.Error):
+            found += [one] if any(file.path.endswith(".mcap") for file in one.open_files()) else []
+    return found
 
 
 def test_a_scheduler_that_is_not_there(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:

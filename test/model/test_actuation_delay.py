@@ -90,7 +90,9 @@ def test_a_delay_beside_a_controller_that_is_sampled(puma: Joint, period: float,
     assert needed - nothing == pytest.approx(gains.stiffness * delay, abs=0.1)
     assert truly - nothing == pytest.approx(needed - nothing, rel=0.2)
     # A stated period is that delay; it does not count twice.
-    assert verdict(delayed, gains, SPEED, sampled, detail=Detail.BOUNDARY) == true
+    once = verdict(delayed, gains, SPEED, sampled, detail=Detail.BOUNDARY)
+    # In words, as fields that are NaN make it unequal to itself from Python 3.13 on.
+    assert repr(once) == repr(true)
 
 
 def test_a_simulation_with_a_delay(puma: Joint) -> None:

@@ -438,7 +438,8 @@ def _fitted(
 
 def _explains(fit: _Fit, point: _Point) -> bool:
     usable = fit.noise.usable
-    return fit.mean_square(point) < FITS and bool((~usable).mean() <= _MOST_ASIDE) and usable.sum() >= _LEAST_SLIPS
+    few_aside = (~usable).mean() <= _MOST_ASIDE
+    return bool(fit.mean_square(point) < FITS and few_aside and usable.sum() >= _LEAST_SLIPS)
 
 
 def _spread(windows: list[SlipWindow], most: int) -> list[SlipWindow]:

@@ -124,7 +124,7 @@ class DelayEstimate:
 
     def applied_to(self, joint: Joint) -> Joint:
         """The joint with viscous friction and delay apart."""
-        viscous, delay = self._apart(np.float64(self.viscous), np.float64(self.left))
+        viscous, delay = self._apart(np.asarray(self.viscous), np.asarray(self.left))
         friction = replace(joint.friction, viscous=float(viscous))
         return replace(joint, friction=friction, actuation_delay=float(delay))
 
