@@ -24,6 +24,7 @@ TEST = [
     "colcon-common-extensions",
     "colcon-ros",
     "hypothesis",
+    "psutil",
     "interrogate",
     "mcap-ros2-support",
     "mypy==2.4.1",
