@@ -106,7 +106,7 @@ _TRAVELLED = 10.0  # way, bands: with more, and still going, a reference has lef
 _FINEST = 2.0 * np.pi / 2**24  # band of a joint that has never moved, rad: a count of the finest encoders
 _EVEN = 1.5  # fastest part of a reference, of its mean speed, 1: at most, where the joint has to go with it
 _WITH_IT = (2.0 / 3.0, 1.5)  # way of a joint, of that of its reference: within, it goes with it
-_LONG_ENOUGH = 3.0  # motion in which it has to, with crossings enough, of that needed: slow changes of speed are smooth
+_LONG_ENOUGH = 3.0  # motion in which it has to, with counts enough, of that needed: slow changes of speed are smooth
 # Of the mean speed: what a dip must fall below, once or again and again, for the joint to be at risk.
 _DIP, DIP_AGAIN = 0.2, 0.7
 _DEEPER = 0.5  # slowest share, of the reference's own: at most
@@ -483,8 +483,11 @@ def judge(rest, motion, detector, remembers):
         if counts > 0.0:
             code, number = STEPS_OF_COUNTS, counts
     if code == MOVES:
-        # Cycles that last as long as motion needs to would have too few crossings each for their slips to be seen.
-        if _crossing_time(_LEAST_CROSSINGS, detector) < now - _LONG_ENOUGH * needed:
+        # Cycles that last as long as motion needs to would have too few counts each for their slips to be seen.
+        back = (detector.head - _LEAST_CROSSINGS) % kernel.RING
+        way = abs(motion.position - detector.crossings[back, kernel.POSITION]) * _LONG_ENOUGH * needed
+        least = _LEAST_CROSSINGS * detector.position.resolution
+        if way < least * (now - _crossing_time(_LEAST_CROSSINGS, detector)):
             return STEPS_OF_COUNTS, np.nan, 0.0
         share = _share_of_reference(max(begun, now - _LONG_ENOUGH * needed), motion, detector)
         if not _WITH_IT[0] <= share <= _WITH_IT[1]:
