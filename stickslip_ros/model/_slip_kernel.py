@@ -147,7 +147,7 @@ def slip(level, velocity, damping_ratio, lag, law, above, follow, prepared, tole
         _push_velocity(latest, index, time, position, speed, coefficients)
         position, speed, acceleration, _ = inside(lag, damping_ratio, position, speed, coefficients, responses)
         time = lag
-        index = 1
+        index = 1  # type: ignore[assignment]
     touch = _TOUCH * velocity
     rough = tolerance * level
     minimum, drop, rises = np.inf, np.inf, 0

@@ -126,16 +126,20 @@ def _drawn() -> set[str]:
     return set(re.findall(r"`([\w/]+\.py)`", table))
 
 
+def _entered(sample: dict[str, list[str]]) -> set[str]:
+    """The files; from Python 3.13 on a profiler does not see compiled functions, and those that are drawn count."""
+    unseen = sys.version_info >= (3, 13)
+    return {*sample, *(file for file in _drawn() if unseen and file.endswith("_kernel.py"))}
+
+
 @pytest.mark.slow
 def test_the_way_of_a_sample_is_the_one_that_is_drawn(ros_domain: int) -> None:
     """Issue 40, item 1: no file joins the way unnoticed, between two slips and at the end of one."""
     sample, slips = _ways(0.005)
-    # From Python 3.13 on a profiler does not see compiled functions.
-    kernels = {file for file in _drawn() if file.endswith("_kernel.py")} if sys.version_info >= (3, 13) else set()
-    assert {*sample, *kernels} == _drawn(), _drawing(sample)
-    assert len(sample) <= _MOST, _drawing(sample)
+    assert _entered(sample) == _drawn(), _drawing(sample)
+    assert len(_entered(sample)) <= _MOST, _drawing(sample)
     slip = min(slips, key=len)
-    assert len(slip) <= _MOST_AT_A_SLIP, _drawing(slip)
+    assert len(_entered(slip)) <= _MOST_AT_A_SLIP, _drawing(slip)
 
 
 @pytest.mark.slow
@@ -144,4 +148,4 @@ def test_the_way_of_a_sample_in_steady_motion(ros_domain: int) -> None:
     """Issue 40, item 1: its damping reserve is looked at besides."""
     sample, slips = _ways(0.1)
     assert not slips
-    assert set(sample) == _drawn() | {"model/margin.py"}, _drawing(sample)
+    assert _entered(sample) == _drawn() | {"model/margin.py"}, _drawing(sample)

@@ -484,10 +484,9 @@ def judge(rest, motion, detector, remembers):
             code, number = STEPS_OF_COUNTS, counts
     if code == MOVES:
         # Cycles that last as long as motion needs to would have too few counts each for their slips to be seen.
-        back = (detector.head - _LEAST_CROSSINGS) % kernel.RING
-        way = abs(motion.position - detector.crossings[back, kernel.POSITION]) * _LONG_ENOUGH * needed
-        least = _LEAST_CROSSINGS * detector.position.resolution
-        if way < least * (now - _crossing_time(_LEAST_CROSSINGS, detector)):
+        early = detector.crossings[(detector.head - _LEAST_CROSSINGS) % kernel.RING]
+        way, least = abs(motion.position - early[kernel.POSITION]), _LEAST_CROSSINGS * detector.position.resolution
+        if way * _LONG_ENOUGH * needed < least * (now - early[kernel.TIME]):
             return STEPS_OF_COUNTS, np.nan, 0.0
         share = _share_of_reference(max(begun, now - _LONG_ENOUGH * needed), motion, detector)
         if not _WITH_IT[0] <= share <= _WITH_IT[1]:
