@@ -93,6 +93,14 @@ def damping_for_ratio(joint: Joint, stiffness: Real, damping_ratio: Real) -> Rea
     return 2.0 * damping_ratio * np.sqrt(stiffness * np.asarray(joint.inertia)) - joint.own_damping(stiffness)
 
 
+def damping_reserve(damping_ratio: Real, critical_damping_ratio: Real) -> Real:
+    """ρ/ρ_c − 1: damping in excess of what is asked for; ∞ where none is, NaN where either is unknown."""
+    damping, critical = np.asarray(damping_ratio), np.asarray(critical_damping_ratio)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reserve = np.where(critical > 0, damping / critical - 1.0, np.where(np.isnan(critical), np.nan, np.inf))
+    return unwrapped(reserve)
+
+
 def dimensionless_energy(position: Real, velocity: Real) -> Real:
     """E* = ½(ξ² + ξ˙²) of Eq. (18), relative to the reference; an energy in units of M x˙_s²."""
     return 0.5 * (np.square(position) + np.square(velocity))

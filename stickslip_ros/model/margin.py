@@ -17,6 +17,7 @@ from stickslip_ros.model.dimensionless import (
     VELOCITY_DECADES,
     DimensionlessGroups,
     damping_for_ratio,
+    damping_reserve,
     dimensionless_groups,
     stiffness_of_lag,
     stiffness_scale,
@@ -63,14 +64,6 @@ class StabilityMargin:
     def damping_reserve(self) -> Real:
         """ρ/ρ_c − 1: damping in excess of what Eq. (43) asks for; ∞ where it asks for none, NaN as the others."""
         return damping_reserve(self.damping_ratio, self.critical_damping_ratio)
-
-
-def damping_reserve(damping_ratio: Real, critical_damping_ratio: Real) -> Real:
-    """ρ/ρ_c − 1: damping in excess of what is asked for; ∞ where none is, NaN where either is unknown."""
-    damping, critical = np.asarray(damping_ratio), np.asarray(critical_damping_ratio)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        reserve = np.where(critical > 0, damping / critical - 1.0, np.where(np.isnan(critical), np.nan, np.inf))
-    return unwrapped(reserve)
 
 
 def _reasons(joint: Joint, groups: DimensionlessGroups, gains: Gains, velocity: Real) -> NDArray[np.object_]:

@@ -17,7 +17,12 @@ from stickslip_ros.model._earlier_names import earlier_names
 from stickslip_ros.model.bisection import first_reached
 from stickslip_ros.model.conditions import OperatingConditions
 from stickslip_ros.model.controlled import controlled_course
-from stickslip_ros.model.dimensionless import DimensionlessGroups, damping_for_ratio, dimensionless_groups
+from stickslip_ros.model.dimensionless import (
+    DimensionlessGroups,
+    damping_for_ratio,
+    damping_reserve,
+    dimensionless_groups,
+)
 from stickslip_ros.model.exact import (
     LARGEST_DAMPING_RATIO,
     exact_critical_damping_ratio,
@@ -27,7 +32,6 @@ from stickslip_ros.model.exact import (
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.hunting import hunting
 from stickslip_ros.model.long_motion import UNSTABLE, UnstableLoopError, natural_period, too_fast
-from stickslip_ros.model.margin import damping_reserve
 from stickslip_ros.model.outcome import Outcome, outcomes, steady_damping_ratio
 
 HUNTING = "hunting"

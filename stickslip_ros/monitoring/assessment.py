@@ -18,10 +18,10 @@ import numpy as np
 from stickslip_ros.errors import InvalidParameterError
 from stickslip_ros.model._validation import require_not_negative
 from stickslip_ros.model.conditions import OperatingConditions
-from stickslip_ros.model.dimensionless import dimensionless_groups
+from stickslip_ros.model.dimensionless import damping_reserve, dimensionless_groups
 from stickslip_ros.model.exact import exact_critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint, Real
-from stickslip_ros.model.margin import StabilityMargin, damping_reserve, stability_margin
+from stickslip_ros.model.margin import StabilityMargin, stability_margin
 from stickslip_ros.model.verdict import ExactVerdict, beyond_the_paper, verdict
 from stickslip_ros.monitoring.advice.limits import AdviceLimits, Criterion, ObservedLoop
 from stickslip_ros.monitoring.advice.recommendation import Advice, Kind, Recommendation, Variant, no_advice

@@ -12,10 +12,9 @@ import numpy as np
 
 from stickslip_ros.model.bounds import TINY
 from stickslip_ros.model.conditions import OperatingConditions
-from stickslip_ros.model.dimensionless import DimensionlessGroups, dimensionless_groups
+from stickslip_ros.model.dimensionless import DimensionlessGroups, damping_reserve, dimensionless_groups
 from stickslip_ros.model.exact import cycle_persists, exact_critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint, Real
-from stickslip_ros.model.margin import damping_reserve
 from stickslip_ros.model.outcome import Outcome
 from stickslip_ros.model.verdict import Detail, verdict
 from stickslip_ros.monitoring.samples import FloatArray

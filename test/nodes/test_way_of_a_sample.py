@@ -148,4 +148,4 @@ def test_the_way_of_a_sample_in_steady_motion(ros_domain: int) -> None:
     """Issue 40, item 1: its damping reserve is looked at besides."""
     sample, slips = _ways(0.1)
     assert not slips
-    assert _entered(sample) == _drawn() | {"model/margin.py"}, _drawing(sample)
+    assert _entered(sample) == _drawn() | {"model/dimensionless.py"}, _drawing(sample)

@@ -16,12 +16,12 @@ import numpy as np
 
 from stickslip_ros.model.bisection import bisected
 from stickslip_ros.model.bounds import TINY
-from stickslip_ros.model.dimensionless import DimensionlessGroups, dimensionless_groups
+from stickslip_ros.model.dimensionless import DimensionlessGroups, damping_reserve, dimensionless_groups
 from stickslip_ros.model.exact import exact_critical_damping_ratio, exact_lowest_smooth_velocity
 from stickslip_ros.model.extinction import critical_damping_ratio
 from stickslip_ros.model.friction import Gains, Joint
 from stickslip_ros.model.loop_modes import loop_is_unstable
-from stickslip_ros.model.margin import damping_reserve, lowest_smooth_velocity, stability_margin
+from stickslip_ros.model.margin import lowest_smooth_velocity, stability_margin
 from stickslip_ros.model.outcome import Outcome, outcomes
 from stickslip_ros.model.verdict import Detail, ExactVerdict, beyond_the_paper, verdict
 from stickslip_ros.monitoring.advice.limits import (
