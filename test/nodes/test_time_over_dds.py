@@ -204,7 +204,7 @@ def test_two_publishers_of_different_joints(one: Probe) -> None:
     one.spin(1.0)
     said = one.diagnostics[OWN][2]
     assert said["publishers of joint_states [1]"] == "2"
-    # By best effort a busy machine loses some on the way, at ten times the rate of a joint. None that came is called lost.
+    # A busy machine loses some on the way, at ten times the rate of a joint. None that came is called lost.
     assert int(said["messages received [1]"]) + int(said["messages lost [1]"]) <= 3200
 
 
