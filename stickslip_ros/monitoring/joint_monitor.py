@@ -292,20 +292,8 @@ class JointMonitor:
             if isinstance(event, Swing):
                 cycles += self._settle(self._cycles.add_swing(event))
                 continue
-            rest = self._rests.rest_at(complete=event)
-            if rest is None:
-                continue
-            if rest.complete:
-                self._reversals.add_rest(rest, self._samples)
-                self._ring.add_rest(rest, self._samples)
-                self._learn_presliding(rest)
-                cycles += self._settle(self._cycles.add_rest(rest))
-                continue
-            early = self._cycles.detect_at_arrest(rest)
-            if early is not None:
-                self._take_slices()
-                self._note([early])
-                cycles += [early] if self._at_arrest else []
+            for rest in self._rests.rests_at(event):
+                cycles += self._add_rest(rest)
         self._take_slices()
         for turned in self._motion.turns():
             self._reversals.turn(turned, self._samples)
@@ -318,6 +306,21 @@ class JointMonitor:
             self._begin()
             cycles += self._follow(unseen)
         return cycles
+
+    def _add_rest(self, rest: Rest) -> list[Cycle]:
+        """Take a rest, complete or begun, and return the cycles that are to be told now."""
+        if not rest.complete:
+            early = self._cycles.detect_at_arrest(rest)
+            if early is None:
+                return []
+            self._take_slices()
+            self._note([early])
+            return [early] if self._at_arrest else []
+        if not rest.coarse:
+            self._reversals.add_rest(rest, self._samples)
+            self._ring.add_rest(rest, self._samples)
+            self._learn_presliding(rest)
+        return self._settle(self._cycles.add_rest(rest))
 
     def _settle(self, cycles: list[Cycle]) -> list[Cycle]:
         """Learn from the cycles of a rest that is known in full; returns those that are to be told now."""
@@ -339,7 +342,9 @@ class JointMonitor:
             if self._recent and self._keeps_the_past:
                 # One slip may be chance. From the second one on, what lay between two slips was stick-slip.
                 first = len(self._recent) == 1
-                self._segments.relabel(cycle.breakaway if first else self._recent[-1].arrest, cycle.arrest)
+                self._segments.relabel(
+                    cycle.breakaway if first else self._recent[-1].arrest, cycle.arrest, cycle.breakaway - cycle.dwell
+                )
             self._recent.append(cycle)
         self.cycle_count += len(cycles)
         self._last_cycle = cycles[-1] if cycles else self._last_cycle

@@ -7,6 +7,9 @@ is larger. Slow motion has long gaps between crossings, fast motion short ones, 
 rate. A low-speed interval is a run of gaps much slower than the motion before it; it ends when the joint moves much
 faster again. :mod:`.rests` decides whether the joint was at rest in a low-speed interval, :mod:`.cycles` whether the
 rest was a stick.
+
+A joint that creeps on a fine encoder crosses a band with every sample. So there is a second, coarse scale: its band is
+as wide as the joint's usual motion in a slice of time, and creep is as slow to it as a stand.
 """
 
 from __future__ import annotations
@@ -75,6 +78,7 @@ DETECTOR = np.dtype(
         ("in_low_speed", np.bool_),
         ("longest_gap", np.int64),  # crossing from which the low-speed interval's longest gap runs
         ("longest_time", float),
+        ("crossings_to_wait", np.int64),  # see CROSSINGS_TO_WAIT
         ("peak_after", float),  # fastest motion since the longest gap
     ]
 )
@@ -91,7 +95,7 @@ _ROUNDING = 1e-10  # difference of two readings, of the largest reading: a small
 STEPS_OF_SPEED = 3.0  # step, bands: a larger one has a speed of its own
 _HOLD_LIMIT = 2.5  # gap, intervals of a sensor's update: in a longer one the joint stood
 _CROSSINGS_TO_LEAVE = 4  # crossings after the longest gap, 1: with fewer a low-speed interval has not ended
-_CROSSINGS_TO_WAIT = 128  # crossings until a slip that does not get faster has ended it, 1
+CROSSINGS_TO_WAIT = (128, 512)  # crossings until a slip that gets no faster has ended it, 1: fine scale, coarse scale
 _NO_FASTER = 0.6  # speed, of the fastest motion since the longest gap: with less the slip gets no faster
 _FAST_AGAIN = 0.4  # speed, of the fastest motion before the low-speed interval
 
@@ -279,7 +283,7 @@ def _follow_low_speed(detector):
     if speed >= _FAST_AGAIN * detector.peak:
         return True
     # To a fine encoder so many crossings are but the beginning of a slip: as long as it gets faster, it is one.
-    return after >= (_CROSSINGS_TO_WAIT if speed < _NO_FASTER * detector.peak_after else RING // 2)
+    return after >= (detector.crossings_to_wait if speed < _NO_FASTER * detector.peak_after else RING // 2)
 
 
 @helper()

@@ -44,6 +44,8 @@ MOTION = np.dtype(
         ("turns", float, TURNS),  # when it did so, the latest times
         ("turn_count", np.int64),  # how often
         ("direction", float),
+        ("pace", float),  # way in a slice of time, as a running median
+        ("coarse_complete", np.bool_),  # whether a low-speed interval of the coarse scale is complete
         ("rested_at", float),  # when it was last seen at rest
         ("rest_began", float),  # and since when it was
         ("slice", float),  # number of the slice that is open, NaN if none is
@@ -70,6 +72,7 @@ MOTION = np.dtype(
         ("cycle_end", float),  # end of the last cycle, or of the rest in which it ended
         ("last_breakaway", float),  # of the last rest, NaN before the first
         ("stop_before", float),  # breakaway of the rest before that, NaN if there was none between two motions
+        ("crept", np.bool_),  # whether the joint crept in one of the last two rests
         ("needed", float),  # how long motion without a rest must last before it is called smooth
         # What the last motion showed that was not even: a code, its number, and when it was seen last.
         ("uneven", np.int64),
@@ -410,7 +413,7 @@ def _counts_of_a_step(since, motion, detector):
 
 
 @helper()
-def _goes_on_sticking(rest, motion):
+def _goes_on_sticking(rest, motion, coarse):
     """Whether what the cycles have shown holds now: no motion and no rest since then outlived them.
 
     A cycle becomes known only when it has ended; until then, a motion or a rest like those before speaks.
@@ -424,6 +427,9 @@ def _goes_on_sticking(rest, motion):
     slip, dwell = _OUTLIVES * motion.slip, _OUTLIVES * motion.dwell
     if np.isfinite(rest):
         return rest - motion.cycle_end <= slip and motion.now - rest <= dwell
+    if coarse.in_low_speed:
+        # It creeps, beside its slips.
+        return motion.now - motion.cycle_end <= slip + dwell
     since = motion.cycle_end
     if motion.rested_at > since and motion.rest_began - since <= slip and motion.rested_at - motion.rest_began <= dwell:
         since = motion.rested_at
@@ -431,7 +437,7 @@ def _goes_on_sticking(rest, motion):
 
 
 @compiled()
-def judge(rest, motion, detector, remembers):
+def judge(rest, motion, detector, coarse, remembers):
     """What the motion shows now, with the rest that is open: a code, and two numbers that explain it.
 
     Motion is even if nothing else was seen for as long as motion is judged: how deep a dip seems depends on where the
@@ -440,7 +446,7 @@ def judge(rest, motion, detector, remembers):
     now = motion.now
     if detector.samples < kernel.BLOCK:
         return TOO_FEW, 0.0, 0.0
-    if _goes_on_sticking(rest, motion):
+    if _goes_on_sticking(rest, motion, coarse):
         return STICKS, 0.0, 0.0
     left = motion.last_breakaway if np.isfinite(motion.last_breakaway) else motion.first_time
     if np.isfinite(rest) or detector.head <= 1:
@@ -488,6 +494,9 @@ def judge(rest, motion, detector, remembers):
         way, least = abs(motion.position - early[kernel.POSITION]), _LEAST_CROSSINGS * detector.position.resolution
         if way * _LONG_ENOUGH * needed < least * (now - early[kernel.TIME]):
             return STEPS_OF_COUNTS, np.nan, 0.0
+        if motion.crept and coarse.in_low_speed and _reference_stands(motion.last_breakaway, motion):
+            # It crept, was fast, and creeps: by command, or by friction.
+            return STOPS_AND_GOES, 0.0, 0.0
         share = _share_of_reference(max(begun, now - _LONG_ENOUGH * needed), motion, detector)
         if not _WITH_IT[0] <= share <= _WITH_IT[1]:
             return NOT_FOLLOWING, share, 0.0

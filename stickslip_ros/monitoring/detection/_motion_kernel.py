@@ -25,7 +25,7 @@ _INTERVAL_WEIGHT = 0.1  # weight of the last interval in the mean one, 1
 _LOOK_AGAIN = 1.4  # time that a joint stands, of that at the last look: with more there is a new look
 
 # What ends a call of `follow`.
-ENDED, LOW_SPEED, STANDS, SWUNG, SILENT = range(5)
+ENDED, LOW_SPEED, STANDS, SWUNG, SILENT, LOW_SPEED_COARSE = range(6)
 
 # Columns of what is reported of a slice.
 BEGIN, END, CODE, NUMBER, FROM, TO, VELOCITY = range(7)
@@ -61,7 +61,7 @@ def _all_finite(values):
 
 
 @compiled()
-def close_slice(slices, motion, detector):
+def close_slice(slices, motion, detector, coarse):
     """End the slice that is open, if one is: remember it, judge it, report it."""
     if np.isnan(motion.slice):
         return
@@ -79,6 +79,11 @@ def close_slice(slices, motion, detector):
         if not np.isfinite(desired) and motion.slice_referenced:
             desired = (motion.reference - motion.last_reference) / duration
         velocity_error = abs(desired - moved / duration)
+    way = abs(moved)
+    if way < np.inf:
+        # A running median, in steps of a tenth.
+        motion.pace = max(motion.pace * (1.1 if way > motion.pace else 1.0 / 1.1), 0.01 * way)
+        coarse.position.band = max(detector.position.band, motion.pace)
     entry = motion.entries % judgement.PAST
     (
         motion.past[entry, judgement.TIME],
@@ -105,7 +110,7 @@ def close_slice(slices, motion, detector):
     rest = judgement.open_rest(motion.window, detector)
     if np.isfinite(rest):
         motion.rested_at, motion.rest_began = now, rest
-    code, number, _ = judgement.judge(rest, motion, detector, True)
+    code, number, _ = judgement.judge(rest, motion, detector, coarse, True)
     stands = code in (judgement.AT_REST, judgement.STUCK)
     if stands and rest > motion.slice_begin and abs(moved) > swings.FLICKER * detector.position.band:
         # It came to rest within the slice, after the end of a motion or after a step.
@@ -246,14 +251,14 @@ def follow(start, times, positions, velocities, efforts, references, reference_s
     Returns the index of the next sample, and which of these it is. The records come in arrays of one each: unpacking
     two records takes numba microseconds, and their arrays less than a tenth of that.
     """
-    motion, detector = motions[0], detectors[0]
+    motion, detector, coarse = motions[0], detectors[0], detectors[1]
     early = detector.early
     for i in range(start, times.shape[0]):
         if times[i] - motion.now > _silence(motion) and motion.now > -np.inf:
             return i, SILENT
         number = np.floor(times[i] / SLICE_LENGTH)
         if number != motion.slice:
-            close_slice(slices, motion, detector)
+            close_slice(slices, motion, detector, coarse)
             motion.slice, motion.slice_begin = number, times[i]
             motion.slice_error, motion.slice_referenced, motion.slice_steps = np.nan, True, 0
         way = _note(times[i], positions[i], references[i], reference_speeds[i], motion, detector)
@@ -273,9 +278,16 @@ def follow(start, times, positions, velocities, efforts, references, reference_s
             continue
         head = detector.head
         complete = kernel.process_sample(count, times[i], positions[i], velocities[i], way, efforts[i], detector)
+        coarse_count = coarse.samples
+        coarse.samples = coarse_count + 1
+        motion.coarse_complete = kernel.process_sample(
+            coarse_count, times[i], positions[i], velocities[i], way, efforts[i], coarse
+        )
         swung = detector.head > head and swings.follow_swing(motion, detector)
         if complete:
             return i + 1, LOW_SPEED
+        if motion.coarse_complete:
+            return i + 1, LOW_SPEED_COARSE
         if swung:
             return i + 1, SWUNG
         if _may_rest(motion, detector):

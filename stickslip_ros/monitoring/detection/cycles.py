@@ -240,8 +240,7 @@ class CycleDetector:
     """Finds stick-slip cycles in a sequence of rests."""
 
     def __init__(self) -> None:
-        self.last_rest: Rest | None = None
-        self._rest_before: Rest | None = None
+        self._rests: deque[Rest] = deque(maxlen=_LOOKED_BACK)  # between which the motions are decided
         self._crept: list[Rest] = []  # after motions so small beside the one before that they may be creep
         self._early: Cycle | None = None
         self._closed: Rest | None = None
@@ -256,13 +255,14 @@ class CycleDetector:
 
     def record(self, recent: Sequence[Cycle]) -> CycleRecord:
         """What the recent cycles, oldest first, and the last rests tell of the time after them."""
-        rest, before = self.last_rest, self._rest_before
+        rest, before = self._last(1), self._last(2)
         # Where it may only have crept since, it has left the last of these rests.
         left = self._crept[-1] if self._crept else rest
         last_breakaway = left.breakaway if left is not None else math.nan
         stop_before = before.breakaway if before is not None and before.direction_before else math.nan
+        crept = any(one is not None and one.coarse for one in (rest, before))
         if not recent:
-            return CycleRecord(last_breakaway=last_breakaway, stop_before=stop_before)
+            return CycleRecord(last_breakaway=last_breakaway, stop_before=stop_before, crept=crept)
         last = recent[-1]
         in_last_rest = rest is not None and before is not None and last.breakaway == before.breakaway
         seen = last_breakaway if in_last_rest else self._turned if last.hunting else last.arrest
@@ -280,7 +280,16 @@ class CycleDetector:
             cycle_end=seen,
             last_breakaway=last_breakaway,
             stop_before=stop_before,
+            crept=crept,
         )
+
+    @property
+    def last_rest(self) -> Rest | None:
+        """The last rest that ends a motion which is decided."""
+        return self._last(1)
+
+    def _last(self, back: int) -> Rest | None:
+        return self._rests[-back] if len(self._rests) >= back else None
 
     @property
     def may_detect_at_arrest(self) -> bool:
@@ -326,11 +335,14 @@ class CycleDetector:
 
     def add_rest(self, rest: Rest) -> list[Cycle]:
         """Take the next rest and return the cycles that are now certain, oldest first."""
+        before = self.last_rest
+        if rest.coarse and before is not None and rest.arrest < (self._crept[-1] if self._crept else before).breakaway:
+            self._lengthen(rest)
+            return []
         closed, self._closed = self._closed, None
         early, self._early = self._early, None
-        before = self.last_rest
         if before is None or (closed is not None and rest.arrest < closed.breakaway):
-            self._rest_before, self.last_rest = before, rest
+            self._rests.append(rest)
             return []
         certain: list[Cycle] = []
         crept, self._crept = self._crept, []
@@ -340,7 +352,7 @@ class CycleDetector:
             self._crept = [*crept, rest]
             return []
         if crept and abs(crept[-1].position - before.position) < _CREEP_SHARE * abs(rest.position - crept[-1].position):
-            before = self.last_rest = reduce(Rest.until, crept, before)
+            before = self._rests[-1] = reduce(Rest.until, crept, before)
             crept = []
         for one in crept:
             certain += self._decide(before, one)
@@ -352,6 +364,20 @@ class CycleDetector:
         if early is not None and early.breakaway not in [cycle.breakaway for cycle in certain]:
             certain.append(early)
         return self._once(certain)
+
+    def _lengthen(self, rest: Rest) -> None:
+        """Let a rest last as long as one of the coarse scale that it begins, if the joint all but crept since."""
+        within = [one for one in self._rests if one.breakaway > rest.arrest]
+        if not within:
+            self._crept = [*(one for one in self._crept if one.breakaway <= rest.arrest), rest]
+            return
+        before = self._last(len(within) + 1)
+        slip = abs(within[0].position - before.position) if before is not None else math.inf
+        if all(abs(one.position - within[0].position) < _CREEP_SHARE * slip for one in within):
+            for _ in within:
+                self._rests.pop()
+            self._rests.append(within[0].until(rest))
+            self._crept = []
 
     def _may_creep(self, before: Rest, rest: Rest) -> bool:
         """Whether the joint moved so little between two rests, beside the motion before, that it may have crept."""
@@ -387,7 +413,7 @@ class CycleDetector:
 
     def _decide(self, before: Rest, rest: Rest) -> list[Cycle]:
         """The cycles that are certain once the motion between two rests, the next of which is complete, is known."""
-        self._rest_before, self.last_rest = before, rest
+        self._rests.append(rest)
         distance_before, self._distance = self._distance, rest.position - before.position
         cycle = _cycle(before, rest)
         if _uncommanded(before, rest):

@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from enum import Enum
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ class CycleRecord:
     distance : likewise of the slips, without their sign [rad]; reached : where the last cycle ended [rad].
     cycle_end : when the last cycle ended, or the rest in which it ended; the latest that was noted counts.
     last_breakaway : of the last rest; stop_before : of the rest before that, if the joint moved before.
+    crept : whether the joint crept in one of the last two rests, all the while.
     """
 
     cycles: int = 0
@@ -39,6 +41,7 @@ class CycleRecord:
     cycle_end: float = math.nan
     last_breakaway: float = math.nan
     stop_before: float = math.nan
+    crept: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,165 +77,38 @@ class Swing:
         return self.travel / (self.arrest - self.reached)
 
 
-class MotionRecord:
-    """The compiled path's memory, and the only one who touches it.
+class LowSpeed(Enum):
+    """Where a joint may have rested: its motion is slow, or was and is fast again, on the fine or the coarse scale."""
+
+    BEGUN, COMPLETE, COARSE = range(3)
+
+
+class CrossingRecord:
+    """The crossings of one scale, in the compiled path's memory.
 
     Parameters
     ----------
-    window : over which velocities are taken where none is given [s].
-
-    Attributes
-    ----------
-    silent : see :meth:`follow`.
+    motion : the record of the joint's motion; detector : that of the scale; velocity : what is measured of the
+        velocity.
     """
 
-    def __init__(self, window: float = 1.0) -> None:
-        # A record, and the array that it lies in.
-        self._motions: Any = np.zeros(1, judgement.MOTION)
-        self._motion = self._motions[0]
-        for name in ("now", "turned", "rested_at", "last_end", "referenced", "uneven_at"):
-            self._motion[name] = -np.inf
-        for name in (
-            "first_time", "position", "reference", "reference_velocity", "interval", "slice", "last_reference",
-            "before", "cycle_end",
-        ):  # fmt: skip
-            self._motion[name] = np.nan
-        self._motion["looked"] = -1
-        self.note(CycleRecord())
-        self._motion["window"] = window
-        self._detectors: Any = np.zeros(1, crossing_kernel.DETECTOR)
-        self._detector = self._detectors[0]
-        self._detector["peak"] = np.inf
-        for signal in (self._detector["position"], self._detector["velocity"]):
-            signal["smallest"] = np.inf
-            signal["noises"] = signal["block"] = np.nan
-            signal["band"] = np.inf
-        self._slices = np.zeros((1, kernel.SLICE_COLUMNS))
-        self._turns_taken = 0
+    def __init__(self, motion: Any, detector: Any, velocity: Any) -> None:
+        self._motion, self._detector, self._velocity = motion, detector, velocity
         self._rested = True  # in the low-speed interval just completed
-        self.silent: int | None = None
-
-    def follow(self, samples: Batch) -> Iterator[bool | Swing]:
-        """Take samples; stops at every stretch of slow motion that is complete (True), and where a rest may have begun.
-
-        The latter only if it is awaited, see :meth:`await_rest`. It stops at every complete swing, too. It ends where
-        no sample came for so long that what follows is another story: :attr:`silent` then has the number of the
-        first sample that was not taken.
-
-        What is asked in between is answered as of then.
-        """
-        duration = float(samples.time[-1] - samples.time[0]) if len(samples) else 0.0
-        self._make_room(min(len(samples), int(duration / kernel.SLICE_LENGTH) + 2) + 1)
-        index, self.silent = 0, None
-        while index < len(samples):
-            index, why = kernel.follow(
-                index, samples.time, samples.position, samples.velocity, samples.effort,
-                samples.reference_position, samples.reference_velocity, self._slices, self._motions, self._detectors,
-            )  # fmt: skip
-            if why == kernel.SILENT:
-                self.silent = index
-                return
-            if why == kernel.STANDS:
-                yield False
-            if self._motion["swung"]:
-                self._motion["swung"] = False
-                yield Swing(**dict(zip(Swing.__dataclass_fields__, self._motion["swing"].tolist(), strict=True)))
-            complete = why == kernel.LOW_SPEED
-            while complete:
-                self._rested = True
-                yield True
-                crossing_kernel.close_low_speed(self._rested, self._detector)
-                # The first block, which had to wait, may hold more than one.
-                complete = kernel.replay(self._detector)
-
-    def close_slice(self) -> None:
-        """End the slice of time that is open, where no more samples come."""
-        self._make_room(1)
-        kernel.close_slice(self._slices, self._motion, self._detector)
-
-    def closed(self) -> FloatArray:
-        """Take the slices closed since the last time, in the columns of the kernel."""
-        rows: FloatArray = self._slices[: int(self._motion["closed"])].copy()
-        self._motion["closed"] = 0
-        return rows
-
-    def note(self, record: CycleRecord) -> None:
-        """Let the judgement know the recent cycles and rests."""
-        # The end of a cycle stays the latest one, though another rest may have begun since.
-        latest = np.fmax(self._motion["cycle_end"], record.cycle_end)
-        for name in record.__dataclass_fields__:
-            self._motion[name] = getattr(record, name)
-        self._motion["cycle_end"] = latest
-
-    def await_rest(self, *, awaited: bool) -> None:
-        """Whether :meth:`follow` is to stop where a rest may have begun, from the next sample on; at first not."""
-        self._motion["awaits_rest"] = awaited
 
     def did_not_rest(self) -> None:
-        """Let the judgement know that the joint only slowed down where it seemed to rest."""
-        judgement.did_not_rest(self._motion)
+        """Note that the joint only slowed down where it seemed to rest."""
         self._rested = False
 
-    def turns(self) -> list[float]:
-        """Take the times at which the joint was seen to move the other way, since the last time [s]."""
-        count = int(self._motion["turn_count"])
-        new = range(max(self._turns_taken, count - judgement.TURNS), count)
-        self._turns_taken = count
-        return [float(self._motion["turns"][number % judgement.TURNS]) for number in new]
-
-    def require(self, *, motion: float, window: float) -> None:
-        """Let the judgement know how long motion without a rest must last to be smooth, and the window [s]."""
-        self._motion["needed"], self._motion["window"] = motion, window
-
-    def judge(self) -> tuple[int, float, float]:
-        """What the motion shows now: a code of the kernel's, and two numbers that explain it."""
-        rest = judgement.open_rest(self._motion["window"], self._detector)
-        code, first, second = judgement.judge(rest, self._motion, self._detector, False)
-        return int(code), float(first), float(second)
-
-    def goes_on(self, samples: Batch, *, largest: float) -> bool:
-        """Whether samples simply go on: in strict order, and all within ``largest``."""
-        return bool(kernel.unbroken(samples.time, samples.position, self.last_time, largest))
-
-    @property
-    def last_time(self) -> float:
-        """Stamp of the last sample [s]; -inf before any."""
-        return float(self._motion["now"])
-
-    @property
-    def position(self) -> float:
-        """At the last sample [rad]."""
-        return float(self._motion["position"])
-
-    @property
-    def reference_follows(self) -> bool:
-        """Whether what is published as the reference only repeats what is measured, so that it counts as none."""
-        return bool(self._motion["follows"])
+    def close_low_speed(self) -> None:
+        """Go on after a low-speed interval that is complete."""
+        crossing_kernel.close_low_speed(self._rested, self._detector)
+        self._rested = True
 
     @property
     def sample_interval(self) -> float:
         """Usual time between samples [s]; NaN if unknown."""
         return float(self._motion["interval"])
-
-    @property
-    def period(self) -> float:
-        """Median period of the recent cycles [s]."""
-        return float(self._motion["period"])
-
-    def errors(self, window: float) -> tuple[float, float]:
-        """Largest tracking error [rad] and velocity error [rad/s] of the last ``window`` seconds; NaN if unknown."""
-        if not self._motion["first_time"] <= self.last_time:
-            return math.nan, math.nan
-        tracking, velocity = judgement.errors(self.last_time - window, self._motion)
-        return float(tracking), float(velocity)
-
-    def reference_velocity(self, window: float) -> float:
-        """Desired velocity now [rad/s]: as given, else over the last ``window`` seconds; NaN if unknown."""
-        return float(judgement.reference_velocity(window, self._motion))
-
-    def mean_velocity(self, window: float) -> float:
-        """Mean velocity of the joint over the last ``window`` seconds [rad/s]; NaN if unknown."""
-        return float(judgement.mean_velocity(window, self._motion))
 
     @property
     def band(self) -> float:
@@ -241,28 +117,9 @@ class MotionRecord:
         return band if math.isfinite(band) else 0.0
 
     @property
-    def resolution(self) -> float:
-        """Smallest step of the signal [rad]."""
-        return float(self._detector["position"]["resolution"])
-
-    @property
-    def noise(self) -> float:
-        """Standard deviation of the position's noise [rad]."""
-        return float(self._detector["position"]["noise"])
-
-    def measurement_noise(self) -> tuple[float, float]:
-        """Standard deviations of noise and quantisation of position [rad] and velocity [rad/s]; 0 if unknown."""
-        signals = (self._detector[name] for name in ("position", "velocity"))
-        position, velocity = (
-            math.hypot(*np.nan_to_num([signal["noise"], signal["resolution"] * ROUNDING_STD], posinf=0.0))
-            for signal in signals
-        )
-        return position, velocity
-
-    @property
     def velocity_band(self) -> float:
         """The smallest velocity told from none [rad/s]; NaN until the velocity's steps were seen."""
-        signal = self._detector["velocity"]
+        signal = self._velocity
         return float(signal["band"]) if np.isfinite(signal["smallest"][2]) else math.nan
 
     @property
@@ -309,6 +166,185 @@ class MotionRecord:
     def last_detected(self) -> float:
         """Stamp of the last sample that the search for rests has taken [s]: one sample behind."""
         return float(self._detector["last_time"])
+
+
+class MotionRecord(CrossingRecord):
+    """The compiled path's memory, and the only one who touches it.
+
+    Parameters
+    ----------
+    window : over which velocities are taken where none is given [s].
+
+    Attributes
+    ----------
+    silent : see :meth:`follow`.
+    """
+
+    def __init__(self, window: float = 1.0) -> None:
+        # Records, and the arrays that they lie in.
+        self._motions: Any = np.zeros(1, judgement.MOTION)
+        self._detectors: Any = np.zeros(2, crossing_kernel.DETECTOR)
+        super().__init__(self._motions[0], self._detectors[0], self._detectors[0]["velocity"])
+        self.coarse = CrossingRecord(self._motion, self._detectors[1], self._velocity)
+        for name in ("now", "turned", "rested_at", "last_end", "referenced", "uneven_at"):
+            self._motion[name] = -np.inf
+        for name in (
+            "first_time", "position", "reference", "reference_velocity", "interval", "slice", "last_reference",
+            "before", "cycle_end",
+        ):  # fmt: skip
+            self._motion[name] = np.nan
+        self._motion["looked"] = -1
+        self.note(CycleRecord())
+        self._motion["window"] = window
+        self._detectors["peak"] = np.inf
+        for detector in self._detectors:
+            for signal in (detector["position"], detector["velocity"]):
+                signal["smallest"] = np.inf
+                signal["noises"] = signal["block"] = np.nan
+                signal["band"] = np.inf
+        self._detectors["crossings_to_wait"] = crossing_kernel.CROSSINGS_TO_WAIT
+        self._slices = np.zeros((1, kernel.SLICE_COLUMNS))
+        self._turns_taken = 0
+        self.silent: int | None = None
+
+    def follow(self, samples: Batch) -> Iterator[LowSpeed | Swing]:
+        """Take samples; stops where there may be a rest, and at every complete swing.
+
+        Where a rest may have begun it stops only if that is awaited, see :meth:`await_rest`. It ends where
+        no sample came for so long that what follows is another story: :attr:`silent` then has the number of the
+        first sample that was not taken.
+
+        What is asked in between is answered as of then.
+        """
+        duration = float(samples.time[-1] - samples.time[0]) if len(samples) else 0.0
+        self._make_room(min(len(samples), int(duration / kernel.SLICE_LENGTH) + 2) + 1)
+        index, self.silent = 0, None
+        while index < len(samples):
+            index, why = kernel.follow(
+                index, samples.time, samples.position, samples.velocity, samples.effort,
+                samples.reference_position, samples.reference_velocity, self._slices, self._motions, self._detectors,
+            )  # fmt: skip
+            if why == kernel.SILENT:
+                self.silent = index
+                return
+            if why == kernel.STANDS:
+                yield LowSpeed.BEGUN
+            if self._motion["swung"]:
+                self._motion["swung"] = False
+                yield Swing(**dict(zip(Swing.__dataclass_fields__, self._motion["swing"].tolist(), strict=True)))
+            complete = why == kernel.LOW_SPEED
+            while complete:
+                yield LowSpeed.COMPLETE
+                self.close_low_speed()
+                # The first block, which had to wait, may hold more than one.
+                complete = kernel.replay(self._detector)
+            if self._motion["coarse_complete"]:
+                self._motion["coarse_complete"] = False
+                yield LowSpeed.COARSE
+                self.coarse.close_low_speed()
+
+    def close_slice(self) -> None:
+        """End the slice of time that is open, where no more samples come."""
+        self._make_room(1)
+        kernel.close_slice(self._slices, self._motion, *self._detectors)
+
+    def closed(self) -> FloatArray:
+        """Take the slices closed since the last time, in the columns of the kernel."""
+        rows: FloatArray = self._slices[: int(self._motion["closed"])].copy()
+        self._motion["closed"] = 0
+        return rows
+
+    def note(self, record: CycleRecord) -> None:
+        """Let the judgement know the recent cycles and rests."""
+        # The end of a cycle stays the latest one, though another rest may have begun since.
+        latest = np.fmax(self._motion["cycle_end"], record.cycle_end)
+        for name in record.__dataclass_fields__:
+            self._motion[name] = getattr(record, name)
+        self._motion["cycle_end"] = latest
+
+    def await_rest(self, *, awaited: bool) -> None:
+        """Whether :meth:`follow` is to stop where a rest may have begun, from the next sample on; at first not."""
+        self._motion["awaits_rest"] = awaited
+
+    def did_not_rest(self) -> None:
+        """Let the judgement know that the joint only slowed down where it seemed to rest."""
+        super().did_not_rest()
+        judgement.did_not_rest(self._motion)
+
+    def turns(self) -> list[float]:
+        """Take the times at which the joint was seen to move the other way, since the last time [s]."""
+        count = int(self._motion["turn_count"])
+        new = range(max(self._turns_taken, count - judgement.TURNS), count)
+        self._turns_taken = count
+        return [float(self._motion["turns"][number % judgement.TURNS]) for number in new]
+
+    def require(self, *, motion: float, window: float) -> None:
+        """Let the judgement know how long motion without a rest must last to be smooth, and the window [s]."""
+        self._motion["needed"], self._motion["window"] = motion, window
+
+    def judge(self) -> tuple[int, float, float]:
+        """What the motion shows now: a code of the kernel's, and two numbers that explain it."""
+        rest = judgement.open_rest(self._motion["window"], self._detector)
+        code, first, second = judgement.judge(rest, self._motion, *self._detectors, False)
+        return int(code), float(first), float(second)
+
+    def goes_on(self, samples: Batch, *, largest: float) -> bool:
+        """Whether samples simply go on: in strict order, and all within ``largest``."""
+        return bool(kernel.unbroken(samples.time, samples.position, self.last_time, largest))
+
+    @property
+    def last_time(self) -> float:
+        """Stamp of the last sample [s]; -inf before any."""
+        return float(self._motion["now"])
+
+    @property
+    def position(self) -> float:
+        """At the last sample [rad]."""
+        return float(self._motion["position"])
+
+    @property
+    def reference_follows(self) -> bool:
+        """Whether what is published as the reference only repeats what is measured, so that it counts as none."""
+        return bool(self._motion["follows"])
+
+    @property
+    def period(self) -> float:
+        """Median period of the recent cycles [s]."""
+        return float(self._motion["period"])
+
+    def errors(self, window: float) -> tuple[float, float]:
+        """Largest tracking error [rad] and velocity error [rad/s] of the last ``window`` seconds; NaN if unknown."""
+        if not self._motion["first_time"] <= self.last_time:
+            return math.nan, math.nan
+        tracking, velocity = judgement.errors(self.last_time - window, self._motion)
+        return float(tracking), float(velocity)
+
+    def reference_velocity(self, window: float) -> float:
+        """Desired velocity now [rad/s]: as given, else over the last ``window`` seconds; NaN if unknown."""
+        return float(judgement.reference_velocity(window, self._motion))
+
+    def mean_velocity(self, window: float) -> float:
+        """Mean velocity of the joint over the last ``window`` seconds [rad/s]; NaN if unknown."""
+        return float(judgement.mean_velocity(window, self._motion))
+
+    @property
+    def resolution(self) -> float:
+        """Smallest step of the signal [rad]."""
+        return float(self._detector["position"]["resolution"])
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of the position's noise [rad]."""
+        return float(self._detector["position"]["noise"])
+
+    def measurement_noise(self) -> tuple[float, float]:
+        """Standard deviations of noise and quantisation of position [rad] and velocity [rad/s]; 0 if unknown."""
+        signals = (self._detector[name] for name in ("position", "velocity"))
+        position, velocity = (
+            math.hypot(*np.nan_to_num([signal["noise"], signal["resolution"] * ROUNDING_STD], posinf=0.0))
+            for signal in signals
+        )
+        return position, velocity
 
     def _make_room(self, count: int) -> None:
         """Let so many slices be closed before they are taken."""

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.model.bounds import TINY
 from stickslip_ros.monitoring.detection import _crossing_kernel as kernel
-from stickslip_ros.monitoring.detection.motion import MotionRecord
+from stickslip_ros.monitoring.detection.motion import CrossingRecord, LowSpeed, MotionRecord
 from stickslip_ros.monitoring.detection.slip_shape import SlipShape, slip_shape
 from stickslip_ros.monitoring.samples import FloatArray
 
@@ -52,6 +52,7 @@ _GENTLE = (
     0.4  # of the fastest motion, over the root of the slip in bands: a cosine goes its first band no slower than 1
 )
 _FINE = 2000.0  # way of a slip, bands: with more, counts say nothing by themselves
+_LEAST_COARSE_DWELL = 1.0  # dwell on the coarse scale, s: twenty slices of time, or it is dated too roughly
 _CREPT = 0.2  # creep, of the slip before: a joint at rest may creep so far
 _FEW_SAMPLES = 6.0  # duration of a stop, samples: with less its course must show it, as its ends cannot be extrapolated
 _SAMPLES_OF_A_COURSE = 9.0  # duration between two halves of the fastest motion, samples: a shorter one shows no course
@@ -254,6 +255,7 @@ class Rest:
     effort : measured effort at breakaway [N·m], NaN if unknown.
     complete : whether the joint has left it; else the breakaway is the last sample's time.
     dated : whether its ends follow from the motion beside it; else they are those of samples.
+    coarse : whether the joint crept all the while, and rested but for that.
     """
 
     arrest: float
@@ -274,6 +276,7 @@ class Rest:
     effort: float
     complete: bool = True
     dated: bool = True
+    coarse: bool = False
 
     @property
     def dwell(self) -> float:
@@ -312,6 +315,10 @@ def _way_of(crossings: FloatArray) -> float:
 class RestDetector:
     """Finds the rests in what ``motion`` follows; how the samples are cut into batches makes no difference.
 
+    A joint that creeps moves with every sample of a fine encoder, and all that is seen of it then is slow motion. The
+    same search on a coarse scale, that of the joint's usual motion in a slice of time, takes it as a rest. It is
+    needed where the fine one finds no rest that lasts as long.
+
     Attributes
     ----------
     motion : remembers the samples and judges every slice of time.
@@ -319,22 +326,79 @@ class RestDetector:
 
     def __init__(self, window: float = 1.0) -> None:
         self.motion = MotionRecord(window)
-        self._rest_end = 0
-        # When and where the joint left its last rest, and its reference then.
-        self._left = (math.nan, math.nan, math.nan)
+        self._fine, self._coarse = _RestSearch(self.motion), _RestSearch(self.motion.coarse)
+        self._pending: Rest | None = None  # of the coarse scale, as long as the fine one may find it, too
 
-    def rest_at(self, *, complete: bool) -> Rest | None:
-        """The rest at an event of ``motion``: complete, or begun if that is certain; None if the joint did not rest.
+    def rests_at(self, event: LowSpeed) -> list[Rest]:
+        """The rests at an event of ``motion``, oldest first: complete, or begun if that is certain.
 
         A rest that has only begun is not :attr:`Rest.complete`; what is known of it may be changed later. A joint whose
         measured velocity was never seen slow did not rest.
         """
-        rest = (self._rest_in_interval() or self._rest_in_interval(creeps=True)) if complete else self._begun_rest()
-        if complete and rest is None:
+        if event is LowSpeed.COARSE:
+            settled = self._settled()
+            if _lasts(self._fine.left, self._coarse.slow_since, self.motion.last_detected):
+                self._coarse.leave_with(self._fine)
+            else:
+                self._pending = self._coarse.complete_rest()
+            return settled
+        settled = self._settled() if self._pending and self._fine.slow_since > self._pending.breakaway else []
+        rest = self._fine.complete_rest() if event is LowSpeed.COMPLETE else self._fine.begun_rest()
+        return [*settled, rest] if rest is not None else settled
+
+    def unfinished_rest(self) -> Rest | None:
+        """The rest that lasts at the last sample, as if it ended there; None if the joint moves."""
+        return self._fine.unfinished_rest()
+
+    def _settled(self) -> list[Rest]:
+        """The pending rest of the coarse scale, if no rest of the fine one lasts into its last quarter."""
+        rest, self._pending = self._pending, None
+        if rest is None or rest.dwell < _LEAST_COARSE_DWELL or _lasts(self._fine.left, rest.arrest, rest.breakaway):
+            return []
+        self._fine.leave_with(self._coarse)
+        return [replace(rest, coarse=True)]
+
+
+def _lasts(left: float, arrest: float, breakaway: float) -> bool:
+    """Whether a rest that ended at ``left`` lasts into the last quarter of another one; not if there was none."""
+    return left > breakaway - 0.25 * (breakaway - arrest)
+
+
+class _RestSearch:
+    """Search for rests among the crossings of one scale."""
+
+    def __init__(self, record: CrossingRecord) -> None:
+        self.motion = record
+        self._rest_end = 0
+        # When and where the joint left its last rest, and its reference then.
+        self._left = (math.nan, math.nan, math.nan)
+
+    @property
+    def left(self) -> float:
+        """When the joint left its last rest [s]; NaN before the first."""
+        return self._left[0]
+
+    @property
+    def slow_since(self) -> float:
+        """When the joint came to the place where it is, or was, slowest [s]."""
+        longest, _ = self.motion.longest_gap
+        return float(self.motion.crossings(longest, longest)[0, kernel.TIME])
+
+    def leave_with(self, other: _RestSearch) -> None:
+        """Go on from the end of the last rest that another search has found."""
+        newest = self.motion.crossing_count - 1
+        oldest = max(self._rest_end, newest - kernel.RING + 1)
+        times = self.motion.crossings(oldest, newest)[:, kernel.TIME]
+        self._rest_end, self._left = oldest + int(np.searchsorted(times, other.left)), other._left
+
+    def complete_rest(self) -> Rest | None:
+        """The rest in the low-speed interval just completed; None if the joint did not rest."""
+        rest = self._rest_in_interval() or self._rest_in_interval(creeps=True)
+        if rest is None:
             self.motion.did_not_rest()
         return rest
 
-    def _begun_rest(self) -> Rest | None:
+    def begun_rest(self) -> Rest | None:
         """The rest that lasts at the last sample, if the joint has stood for longer than it takes to turn round."""
         # Fitted to the braking alone, the place within a count dates the arrest to 5 ms instead of 8.
         motion = self._motion_before(_FRACTIONS)

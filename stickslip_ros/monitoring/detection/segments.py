@@ -61,15 +61,16 @@ class Segments:
         for begin, end in pairwise(edges):
             self._extend(rows[begin:end], int(codes[begin]))
 
-    def relabel(self, start: float, end: float) -> None:
-        """Let a stretch of time be stick-slip after all, as became certain only later."""
+    def relabel(self, start: float, end: float, stuck: float) -> None:
+        """Let a stretch of time be stick-slip after all; since ``stuck`` the joint rested, or slipped."""
         reached = self._from + _way(self.all[-1]) if self.all else math.nan
         later: list[Segment] = []
         while self.all and self.all[-1].end > start:
             later.append(self.all.pop())
         for segment in reversed(later):
-            # What is called smooth, or was stick-slip before, was judged by itself.
-            status = Status.STICK_SLIP if segment.status in _MENDED else segment.status
+            # What is called smooth, or was stick-slip before, was judged by itself. But a joint at rest may creep.
+            mended = segment.status in _MENDED or segment.start >= stuck
+            status = Status.STICK_SLIP if mended else segment.status
             for begin, until, which in (
                 (segment.start, start, segment.status),
                 (max(segment.start, start), min(segment.end, end), status),
