@@ -320,7 +320,12 @@ class JointMonitor:
             self._reversals.add_rest(rest, self._samples)
             self._ring.add_rest(rest, self._samples)
             self._learn_presliding(rest)
-        return self._settle(self._cycles.add_rest(rest))
+        cycles = self._cycles.add_rest(rest)
+        if rest.coarse and self._cycles.last_rest is not None and self._cycles.last_rest.breakaway == rest.breakaway:
+            # What was taken for slips while it crept says nothing of the time after it.
+            slips = [cycle for cycle in self._recent if not rest.arrest < cycle.breakaway < rest.breakaway]
+            self._recent = deque(slips, maxlen=_RECENT_CYCLES)
+        return self._settle(cycles)
 
     def _settle(self, cycles: list[Cycle]) -> list[Cycle]:
         """Learn from the cycles of a rest that is known in full; returns those that are to be told now."""
