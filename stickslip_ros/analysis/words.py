@@ -136,7 +136,7 @@ def percent(share: float) -> str:
 
 
 def advice(joint: JointAnalysis) -> str:
-    """What to do, in a few sentences; "" where nothing was judged and nothing is advised."""
+    """What to do, in a few sentences; "" where the joint is not judged and nothing is advised."""
     state = joint.assessment
     advised = state.recommended
     keeps = state.recommendation is not None and state.recommendation.keep
@@ -144,7 +144,7 @@ def advice(joint: JointAnalysis) -> str:
         return ""
     if advised is None:
         if not matters(joint):
-            return "Nothing has to be done."
+            return "" if joint.status in NOT_JUDGED else "Nothing has to be done."
         return f"No gains can be advised: {state.margin_reason or 'its friction is unknown'}."
     recommendation = state.recommendation
     if recommendation is not None and recommendation.keep:

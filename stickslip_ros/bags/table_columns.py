@@ -27,7 +27,7 @@ FIELDS = (TIME, POSITION, "velocity", "effort", *_REFERENCES.values())
 # Whose factor is only known with the counts that make a turn: `counts/4096`.
 COUNTS = "counts"
 _COUNTS_A_TURN = re.compile(rf"{COUNTS}_per_([1-9]\d*(?:\.\d+)?)(_per_s)?")
-_ROTATION = {"rad": 1.0, "deg": math.pi / 180.0, COUNTS: math.nan}
+_ROTATION = {"rad": 1.0, "deg": math.pi / 180.0, "rev": 2.0 * math.pi, COUNTS: math.nan}
 TRANSLATION = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
 _TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _EFFORT = {"nm": 1.0, "n": 1.0, "mnm": 1e-3}
@@ -46,6 +46,7 @@ USUAL_UNIT = {TIME: "", POSITION: "rad", "velocity": "rad_per_s", "effort": "nm"
               "reference_position": "rad", "reference_velocity": "rad_per_s"}  # fmt: skip
 _OTHER_PLACES = {
     "degree": "deg", "degrees": "deg", "°": "deg", "radian": "rad", "radians": "rad",
+    "revs": "rev", "revolution": "rev", "revolutions": "rev", "turn": "rev", "turns": "rev",
     "meter": "m", "meters": "m", "metre": "m", "metres": "m", "millimeter": "mm", "millimeters": "mm",
     "millimetre": "mm", "millimetres": "mm", "µm": "um", "count": COUNTS, "ticks": COUNTS, "tick": COUNTS,
 }  # fmt: skip
@@ -85,8 +86,8 @@ _DERIVATIVE_GAIN = "d"  # which is also what is desired, as in q_d, unless other
 _MEASURED = ("measured", "meas", "actual", "act", "feedback", "fbk", "present", "current")
 _MOTORS = "current"  # where nothing says what of, it is the motor's
 _FILTERED = ("filtered", "filt")  # where the same is there unfiltered, that serves
-# Of efforts that there are the first one serves: what the motor gave, or was told to give.
-_EFFORTS = (("effort",), _MEASURED, ("friction",), _DESIRED, ("torque", "torques", "tau", "moment"), ())
+# Of efforts that there are the first one serves: what the motor gave. What it was told to give comes after them.
+_EFFORTS = (("effort",), _MEASURED, ("friction",), ("torque", "torques", "tau", "moment"), ())
 # What has one of these words is about a joint, but none of its fields.
 _NO_FIELD = {
     "error", "err", "limit", "max", "min", "std", "offset", "sensor", "temperature", "feedforward", "ext", "external",
@@ -174,7 +175,8 @@ def meaning(name: str) -> Column | None:
     if bracketed_unit and bracketed_unit not in UNITS[field]:
         return None
     rank = next(number for number, some in enumerate(_EFFORTS) if not some or set(some) & set(lower))
-    rank = (rank if kind == "effort" else 0) + len(_EFFORTS) * bool(filtered)
+    rank = (len(_EFFORTS) if desired else rank) if kind == "effort" else 0
+    rank += (len(_EFFORTS) + 1) * bool(filtered)
     return Column(name=name, field=field, joint=_joint(rest, words, taken | at), unit=unit, rank=rank)
 
 

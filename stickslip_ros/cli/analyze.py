@@ -41,7 +41,7 @@ from stickslip_ros.analysis.fleet_joints import (
     write_table,
 )
 from stickslip_ros.analysis.joint_analysis import JointAnalysis, JointAnalyzer
-from stickslip_ros.analysis.judgement import lacks_data
+from stickslip_ros.analysis.judgement import NOT_JUDGED, lacks_data
 from stickslip_ros.analysis.report.fleet_page import write_fleet_page
 from stickslip_ros.analysis.report.report import write_report
 from stickslip_ros.bags.table import RecordingError
@@ -400,8 +400,10 @@ def _result(found: Answer) -> str:
     if words.nothing_judged(found):
         return "no joint could be judged"
     sticking = {name: joint["stick_slip_share"] for name, joint in joints.items() if joint["worst_status"] == _STICKS}
+    unjudged = sum(Status(joint["status"]) in NOT_JUDGED for name, joint in joints.items() if name not in sticking)
+    rest = f"; {unjudged} could not be judged" if unjudged else ""
     if not sticking:
-        return f"none of {counted(len(joints), 'joint')} stuck and slipped"
+        return f"none of {counted(len(joints), 'joint')} stuck and slipped{rest}"
     worst = sorted(sticking.items(), key=lambda one: -(one[1] or 0.0))
     listed = ", ".join(f"{name} {words.percent(math.nan if share is None else share)}" for name, share in worst)
-    return f"{len(sticking)} of {counted(len(joints), 'joint')} stuck and slipped: {listed}"
+    return f"{len(sticking)} of {counted(len(joints), 'joint')} stuck and slipped: {listed}{rest}"

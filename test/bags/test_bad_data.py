@@ -231,3 +231,15 @@ def test_identify_says_what_is_wrong_too(tmp_path: Path, capsys: pytest.CaptureF
     out = capsys.readouterr().out
     assert "samples left out: stamp goes backwards" in out
     assert "nan" not in out
+
+
+def test_a_short_smooth_stretch_clears_nothing(tmp_path: Path) -> None:
+    """A joint that cannot be judged was told "nothing has to be done", for it had moved smoothly for some seconds."""
+    swings = 0.02 * np.sin(4.0 * np.pi * (TIMES - TIMES[350]))
+    positions = np.where(np.arange(COUNT) < 350, POSITIONS - POSITIONS[350], swings)
+    path = recorded(tmp_path / "a.mcap", changed(TIMES, slice(1000, None), TIMES[1000:] - 3.0), positions)
+    _, text, _ = outcome(str(path))
+    assert "cannot be judged" in " ".join(text.split())
+    assert not any(word in text for word in ALL_IS_WELL)
+    _, text, _ = outcome("--brief", str(path))
+    assert text.splitlines()[0] == f"{path}: none of 1 joint stuck and slipped; 1 could not be judged"

@@ -40,6 +40,8 @@ def write_text(path: Path, names: Sequence[str], columns: Sequence[np.ndarray], 
     [
         ("position", "deg", np.pi / 180.0),
         ("position", "mm", 1e-3),
+        ("position", "rev", 2.0 * np.pi),
+        ("velocity", "turns/s", 2.0 * np.pi),
         ("position", "um", 1e-6),
         ("velocity", "deg/s", np.pi / 180.0),
         ("velocity", "mm/s", 1e-3),
@@ -86,6 +88,7 @@ def test_every_unit_becomes_si(field: str, unit: str, si: float, tmp_path: Path)
         ("Joint 2 Torque [Nm]", "effort", "Joint_2", "nm"),
         ("Speed [°/s]", "velocity", "", "deg_per_s"),
         ("Axis 1 speed [rpm]", "velocity", "Axis_1", "rpm"),
+        ("c1 position [rev]", "position", "c1", "rev"),
         ("targetPosition3", "reference_position", "joint3", ""),
         ("reference_rad", "reference_position", "", "rad"),
         ("commanded_torque_nm", "effort", "", "nm"),
@@ -101,6 +104,15 @@ def test_what_a_name_means(name: str, field: str, joint: str, unit: str) -> None
     found = meaning(name)
     assert found is not None
     assert (found.field, found.joint, found.unit) == (field, joint, unit)
+
+
+@pytest.mark.parametrize("measured", ["a torque [Nm]", "a effort", "a measured torque [Nm]"])
+def test_what_a_motor_gave_serves_before_what_it_was_told(measured: str, tmp_path: Path) -> None:
+    """A commanded torque, always 0 where the position is commanded, was taken for the effort."""
+    columns = [TIMES, POSITIONS[:, 0], np.zeros(len(TIMES)), POSITIONS[:, 1]]
+    path = write_text(tmp_path / "a.csv", ["time_s", "a position [rad]", "a torque cmd [Nm]", measured], columns)
+    (batch,) = load_table(path).batches.values()
+    np.testing.assert_allclose(batch.effort, POSITIONS[:, 1])
 
 
 @pytest.mark.parametrize(

@@ -275,7 +275,7 @@ def test_encoder_counts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> N
     path = write_rows(tmp_path / "b.csv", "time_s,pos_ticks", [",".join(row.split(",")[:2]) for row in rows])
     for more, told in (
         ([], "say how many make a turn, as in --column 'position=pos_ticks:counts/4096'"),
-        (["--column", "position=pos_ticks:counts/0"], "must be a unit of rad, deg, counts/4096"),
+        (["--column", "position=pos_ticks:counts/0"], "must be a unit of rad, deg, rev, counts/4096"),
         (["--column", "position=pos_ticks:counts"], "with the counts that make a turn, as in pos_ticks:counts/4096"),
     ):
         assert main(["convert", str(path), *out, *more]) == 2
