@@ -64,6 +64,7 @@ _EVEN = 1.4  # duration without its stop, of the swing before the last, which we
 _SUSTAINED = 0.95  # swing without a stop, of the last one: less is free oscillation that dies out
 _MIDDLE_OF_HUNTING = 0.5  # duration of 80 % of a swing's way, of the swing's: half a cosine takes 0.59
 _TRAIN = 9  # cycles whose median is the usual slip, 1
+_RESTS_KEPT = 15  # latest rests that may lie within one of the coarse scale, 1
 _PENDING = 64  # cycles that wait for their train, rests for a slip after their creep, 1: at most
 
 
@@ -240,7 +241,7 @@ class CycleDetector:
     """Finds stick-slip cycles in a sequence of rests."""
 
     def __init__(self) -> None:
-        self._rests: deque[Rest] = deque(maxlen=_LOOKED_BACK)  # between which the motions are decided
+        self._rests: deque[Rest] = deque(maxlen=_RESTS_KEPT)  # between which the motions are decided
         self._crept: list[Rest] = []  # after motions so small beside the one before that they may be creep
         self._early: Cycle | None = None
         self._closed: Rest | None = None

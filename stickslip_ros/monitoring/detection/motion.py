@@ -177,6 +177,7 @@ class MotionRecord(CrossingRecord):
 
     Attributes
     ----------
+    coarse : the crossings of the coarse scale; its own are those of the fine one.
     silent : see :meth:`follow`.
     """
 

@@ -52,6 +52,7 @@ _GENTLE = (
     0.4  # of the fastest motion, over the root of the slip in bands: a cosine goes its first band no slower than 1
 )
 _FINE = 2000.0  # way of a slip, bands: with more, counts say nothing by themselves
+_LASTING = 0.25  # end of a rest, of its dwell: one of the fine scale that lasts into it is the same rest
 _LEAST_COARSE_DWELL = 1.0  # dwell on the coarse scale, s: twenty slices of time, or it is dated too roughly
 _CREPT = 0.2  # creep, of the slip before: a joint at rest may creep so far
 _FEW_SAMPLES = 6.0  # duration of a stop, samples: with less its course must show it, as its ends cannot be extrapolated
@@ -361,14 +362,14 @@ class RestDetector:
 
 def _lasts(left: float, arrest: float, breakaway: float) -> bool:
     """Whether a rest that ended at ``left`` lasts into the last quarter of another one; not if there was none."""
-    return left > breakaway - 0.25 * (breakaway - arrest)
+    return left > breakaway - _LASTING * (breakaway - arrest)
 
 
 class _RestSearch:
     """Search for rests among the crossings of one scale."""
 
     def __init__(self, record: CrossingRecord) -> None:
-        self.motion = record
+        self._record = record
         self._rest_end = 0
         # When and where the joint left its last rest, and its reference then.
         self._left = (math.nan, math.nan, math.nan)
@@ -381,21 +382,21 @@ class _RestSearch:
     @property
     def slow_since(self) -> float:
         """When the joint came to the place where it is, or was, slowest [s]."""
-        longest, _ = self.motion.longest_gap
-        return float(self.motion.crossings(longest, longest)[0, kernel.TIME])
+        longest, _ = self._record.longest_gap
+        return float(self._record.crossings(longest, longest)[0, kernel.TIME])
 
     def leave_with(self, other: _RestSearch) -> None:
         """Go on from the end of the last rest that another search has found."""
-        newest = self.motion.crossing_count - 1
+        newest = self._record.crossing_count - 1
         oldest = max(self._rest_end, newest - kernel.RING + 1)
-        times = self.motion.crossings(oldest, newest)[:, kernel.TIME]
+        times = self._record.crossings(oldest, newest)[:, kernel.TIME]
         self._rest_end, self._left = oldest + int(np.searchsorted(times, other.left)), other._left
 
     def complete_rest(self) -> Rest | None:
         """The rest in the low-speed interval just completed; None if the joint did not rest."""
         rest = self._rest_in_interval() or self._rest_in_interval(creeps=True)
         if rest is None:
-            self.motion.did_not_rest()
+            self._record.did_not_rest()
         return rest
 
     def begun_rest(self) -> Rest | None:
@@ -406,7 +407,7 @@ class _RestSearch:
             return None
         crossings, _, arrest = motion
         last, now = crossings[-1, [kernel.TIME, kernel.FLAT_END]].tolist()
-        if now != self.motion.last_detected or not arrest < now - _TURN * (arrest - last):
+        if now != self._record.last_detected or not arrest < now - _TURN * (arrest - last):
             return None
         return self._begun(*motion)
 
@@ -424,27 +425,27 @@ class _RestSearch:
         ----------
         fractions : of a count, where the joint may have come to rest beyond the last one seen.
         """
-        motion = self.motion
-        head = motion.crossing_count
+        record = self._record
+        head = record.crossing_count
         oldest = max(self._rest_end, head - kernel.RING)
         if head - oldest < 2:
             return None
-        newest = motion.crossings(head - 1, head - 1)[0]
-        longest, duration = motion.longest_gap
+        newest = record.crossings(head - 1, head - 1)[0]
+        longest, duration = record.longest_gap
         stands = newest[kernel.FLAT_END] - newest[kernel.TIME]
         last = longest if longest > oldest and duration > stands else head - 1
-        before = motion.crossings(oldest, last)
+        before = record.crossings(oldest, last)
         core = before[-1]
         way = _way_of(before)
-        if abs(way) < _LEAST_SLIP_BANDS * motion.band:
+        if abs(way) < _LEAST_SLIP_BANDS * record.band:
             return None
         speed = fastest(before[1:])
         direction = 1 if way > 0 else -1
         begin, end = float(core[kernel.TIME]), float(core[kernel.FLAT_END])
-        if not motion.band < kernel.SLOW * speed * (end - begin):
+        if not record.band < kernel.SLOW * speed * (end - begin):
             return None
         left = braking_crossings(before[::-1], speed)
-        places = float(core[kernel.POSITION]) + direction * motion.band * np.repeat(fractions[:, None], 2, axis=1)
+        places = float(core[kernel.POSITION]) + direction * record.band * np.repeat(fractions[:, None], 2, axis=1)
         arrest, _, _ = rest_ends(left, before[:0], places, begin, end, direction, 0)
         return before, direction, arrest
 
@@ -462,30 +463,30 @@ class _RestSearch:
         that finds none, ``creeps``, a stretch ten times slower than the slip before is one if it lasts longer than any
         dip does and the motion goes on the same way, however fine the encoder.
         """
-        newest = self.motion.crossing_count - 1
-        longest, _ = self.motion.longest_gap
+        newest = self._record.crossing_count - 1
+        longest, _ = self._record.longest_gap
         oldest = max(self._rest_end, newest - kernel.RING + 1)
         if longest < oldest:
             return None
-        crossings = self.motion.crossings(oldest, newest)
+        crossings = self._record.crossings(oldest, newest)
         initial = oldest == 0 and longest == 0
         speed_before = np.inf if initial else fastest(crossings[1 : longest - oldest + 1]) if longest > oldest else 0.0
-        speed_after = self.motion.speed_after
+        speed_after = self._record.speed_after
         slowest = min(speed_before, speed_after)
         travel = abs(_way_of(crossings[: longest - oldest + 1]))
         # Counts are told from creep by their slowness; where motion has hundreds of them, by their mean speed.
-        creep = _CREEP if travel > _FINE * self.motion.band else _CREEP_OF_COUNTS
+        creep = _CREEP if travel > _FINE * self._record.band else _CREEP_OF_COUNTS
         if not initial and travel > 0.0:
-            creep = max(creep, min(kernel.SLOW, _GENTLE * math.sqrt(self.motion.band / travel)))
+            creep = max(creep, min(kernel.SLOW, _GENTLE * math.sqrt(self._record.band / travel)))
         if creeps:
             slowest = min(speed_before, speed_after / _FAST_AGAIN)
             if initial or not self._crept(crossings, longest - oldest, slowest):
                 return None
             creep = kernel.SLOW
-        farthest = max(_CREPT * travel, self.motion.band)
-        first, last = rest_gaps(crossings, longest - oldest, self.motion.band, creep * slowest, farthest)
+        farthest = max(_CREPT * travel, self._record.band)
+        first, last = rest_gaps(crossings, longest - oldest, self._record.band, creep * slowest, farthest)
         before, after = crossings[: first + 1], crossings[last + 1 :]
-        if len(after) == 0 or (not initial and abs(_way_of(before)) < _LEAST_SLIP_BANDS * self.motion.band):
+        if len(after) == 0 or (not initial and abs(_way_of(before)) < _LEAST_SLIP_BANDS * self._record.band):
             return None
         end = last
         if crossings[last, kernel.FLAT_END] <= before[-1, kernel.TIME]:
@@ -494,12 +495,12 @@ class _RestSearch:
             _stand_until(crossings[last], crossings[end])
         rest_begin, rest_end = float(before[-1, kernel.TIME]), float(crossings[last, kernel.FLAT_END])
         moved = abs(float(crossings[end, kernel.POSITION] - before[-1, kernel.POSITION]))
-        if not max(self.motion.band, moved) < kernel.SLOW * slowest * (rest_end - rest_begin):
+        if not max(self._record.band, moved) < kernel.SLOW * slowest * (rest_end - rest_begin):
             return None
         flat_end = rest_end
         measured = crossings[first : last + 1, kernel.SLOWEST]
         # Until its steps were seen, a velocity's resolution is not known, and a constant offset may be rest.
-        pace = float(np.nanmin(measured)) - self.motion.velocity_band if np.isfinite(measured).any() else math.nan
+        pace = float(np.nanmin(measured)) - self._record.velocity_band if np.isfinite(measured).any() else math.nan
         if pace > creep * slowest:
             return None
         crept_on = pace > _STANDING * slowest
@@ -528,9 +529,9 @@ class _RestSearch:
                 places[0, 1], right, last = left_from, slip, left_at
                 rest_end = float(crossings[last, kernel.FLAT_END])
         elif direction_before * direction_after < 0:
-            places = np.full((1, 2), begin + 0.5 * direction_before * self.motion.band)
+            places = np.full((1, 2), begin + 0.5 * direction_before * self._record.band)
         else:
-            width = crept + self.motion.band
+            width = crept + self._record.band
             places = np.repeat(begin + direction_after * _FRACTIONS[:, None] * width, 2, axis=1)
         arrest, breakaway, certain = rest_ends(
             left, right, places, rest_begin, rest_end, direction_before, direction_after
@@ -544,11 +545,11 @@ class _RestSearch:
             return None
         if certain or breakaway <= arrest:
             # By the motion on both sides the joint only slowed down. Of a stop of few samples they say nothing.
-            short = flat_end - rest_begin < _FEW_SAMPLES * self.motion.update
+            short = flat_end - rest_begin < _FEW_SAMPLES * self._record.update
             if crept_on or not (short and stops and direction_before * direction_after > 0):
                 return None
             arrest, breakaway, dated = rest_begin, flat_end, False
-        elif breakaway - arrest < _FEW_SAMPLES * self.motion.update and not stops:
+        elif breakaway - arrest < _FEW_SAMPLES * self._record.update and not stops:
             return None
         rest = self._rest(
             before,
@@ -570,12 +571,12 @@ class _RestSearch:
     def _stops(self, crossings: FloatArray, longest: int, fastest: float) -> bool:
         """Whether the course of the speed shows a stop at the longest gap, and no dip; not if samples are too few."""
         slow, until_fast = slow_times(crossings, longest, fastest)
-        return slow > _SHARE_OF_STOP * until_fast and until_fast > _SAMPLES_OF_A_COURSE * self.motion.update
+        return slow > _SHARE_OF_STOP * until_fast and until_fast > _SAMPLES_OF_A_COURSE * self._record.update
 
     def _crept(self, crossings: NDArray[np.float64], longest: int, fastest: float) -> bool:
         """Whether the joint was slow about its longest gap for longer than a dip is, blurred by samples and counts."""
         slow, until_fast = slow_times(crossings, longest, fastest)
-        uncertain = max(self.motion.update, _FEW_COUNTS * self.motion.band / fastest) if fastest > 0.0 else math.inf
+        uncertain = max(self._record.update, _FEW_COUNTS * self._record.band / fastest) if fastest > 0.0 else math.inf
         return slow > _SHARE_OF_CREEP * until_fast + 2.0 * uncertain
 
     def _rest(
@@ -598,7 +599,7 @@ class _RestSearch:
         left, place, reference_left = self._left
         # What was noted before the joint is taken to have left is creep.
         slip = slip[slip[:, kernel.TIME] > left]
-        cut = self._rest_end < self.motion.crossing_count - kernel.RING
+        cut = self._rest_end < self._record.crossing_count - kernel.RING
         if cut and len(slip) > 2:
             # How fast it was still shows; how long it took, no more.
             at, places, references = (slip[:, column] for column in (kernel.TIME, kernel.POSITION, kernel.REFERENCE))
@@ -626,7 +627,7 @@ class _RestSearch:
             direction_before=direction_before,
             direction_after=direction_after,
             slip=shape,
-            band=self.motion.band,
+            band=self._record.band,
             seen_from=float(first[kernel.TIME]),
             seen_until=float(last[kernel.FLAT_END]),
             reference=float(first[kernel.REFERENCE]),
