@@ -60,7 +60,7 @@ def _use_detection() -> None:
     monitor.process(Batch(time=time, position=position, reference_position=position))
     monitor.assessment()
     monitor.finish()
-    MotionRecord().did_not_rest()
+    MotionRecord().did_not_rest(slowed=True)
 
 
 def _use_messages() -> None:

@@ -35,6 +35,7 @@ from stickslip_ros.monitoring.detection.status import (
     SampledTooSlowly,
     Segment,
     SpeedFalls,
+    StampsInBursts,
     Status,
     StopsAndGoes,
     Stuck,
@@ -67,6 +68,7 @@ _REASONS: dict[int, Callable[[float, float], Reason]] = {
     judgement.TOO_SHORT: lambda moving, needed: TooShort(moving=moving, needed=needed),
     judgement.STEPS_OF_COUNTS: lambda counts, _: TooCoarse(counts=counts),
     judgement.FEW_COUNTS: lambda *_: TooFewCounts(),
+    judgement.BURSTS: lambda *_: StampsInBursts(),
     judgement.FEW_READINGS: lambda rate, needed: SampledTooSlowly(rate=rate, needed=needed),
     judgement.DIPS: lambda share, _: SpeedFalls(share=share),
 }
@@ -222,7 +224,7 @@ class JointMonitor:
         """For most of the time that was not judged, why; None where too little was seen to say it."""
         codes = (
             judgement.STOPS_AND_GOES, judgement.STEPS_OF_COUNTS, judgement.REVERSING, judgement.FEW_COUNTS,
-            judgement.FEW_READINGS, judgement.TOO_SHORT,
+            judgement.FEW_READINGS, judgement.TOO_SHORT, judgement.BURSTS,
         )  # fmt: skip
         code = max(codes, key=self._slices.__getitem__)
         if self._slices[code] == 0:

@@ -180,6 +180,8 @@ def reason_text(finding: Finding) -> str:
             return f"the encoder is too coarse: {f'{counts:.0f}' if math.isfinite(counts) else 'too few'} counts a slip"
         case reasons.TooFewCounts():
             return "the joint has moved by too few counts of its encoder"
+        case reasons.StampsInBursts():
+            return "samples come in bursts: by their stamps the joint stops and goes, by their number it does not"
         case reasons.SampledTooSlowly(rate=rate, needed=needed):
             return f"sampled too slowly: {rate:.3g} Hz; at least {needed:.3g} Hz are needed"
         case reasons.SpeedFalls(share=share, at_most=at_most):

@@ -246,6 +246,14 @@ def random_motion(kind: str, generator: np.random.Generator, *, duration: float)
     return Batch(time=time, position=position, reference_position=references)
 
 
+def arriving(times: FloatArray, generator: np.random.Generator, wait: float) -> FloatArray:
+    """Stamps of samples that wait to be sent together, for so long at the median [s], as their receiver notes them."""
+    sent = times[0] + np.cumsum(0.25 * wait + generator.exponential(wait, int(4.0 * np.ptp(times) / wait) + 4))
+    following = 5e-5 * np.arange(len(times))
+    together: FloatArray = np.maximum.accumulate(sent[np.searchsorted(sent, times)] - following) + following
+    return together
+
+
 def without_reference(batch: Batch) -> Batch:
     """Position alone."""
     return Batch(time=batch.time, position=batch.position)

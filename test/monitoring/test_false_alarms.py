@@ -12,6 +12,7 @@ from conftest import RECORDINGS
 from random_motions import (
     HAND_GUIDING,
     TELEOPERATION,
+    arriving,
     followed,
     measured,
     random_motion,
@@ -21,7 +22,7 @@ from random_motions import (
 from support import cycles_of
 
 from stickslip_ros.monitoring.assessment import MonitorOptions
-from stickslip_ros.monitoring.detection.status import Status
+from stickslip_ros.monitoring.detection.status import StampsInBursts, Status
 from stickslip_ros.monitoring.joint_monitor import JointMonitor
 from stickslip_ros.monitoring.samples import Batch
 
@@ -122,3 +123,33 @@ def test_a_turn_is_no_dip(seed: int) -> None:
     found = {segment.status for segment in monitor.segments}
     assert Status.SMOOTH in found
     assert Status.AT_RISK not in found
+
+
+@pytest.mark.parametrize("referred", [False, True])
+@pytest.mark.parametrize(("rate", "wait"), [(200.0, 0.025), (200.0, 0.1), (1000.0, 0.025)])
+@pytest.mark.parametrize("count", [1e-5, 1e-3])
+@pytest.mark.parametrize("swing", [0.0, 0.05])
+def test_samples_that_come_together_show_no_stands(
+    referred: bool, rate: float, wait: float, count: float, swing: float
+) -> None:
+    """By the stamps of arrival a smooth joint stops and goes, by the number of samples it does not: so it is said."""
+    time = np.arange(0.0, 20.0, 1.0 / rate)
+    position = 0.1 * time + swing * np.sin(time)
+    stamps = arriving(time, np.random.default_rng(1), wait)
+    monitor = JointMonitor(segments_kept=None)
+    reference = position if referred else np.full(len(time), np.nan)
+    batch = Batch(time=stamps, position=count * np.round(position / count), reference_position=reference)
+    assert monitor.process(batch) + monitor.finish() == []
+    assert not {segment.status for segment in monitor.segments} & {Status.AT_RISK, Status.STICK_SLIP}
+    assert monitor.why_not_judged() == StampsInBursts()
+
+
+@pytest.mark.parametrize(("seed", "wait"), [(1, 0.025), (4, 0.1), (6, 0.025), (9, 0.1)])
+def test_stick_slip_is_found_though_samples_come_together(seed: int, wait: float) -> None:
+    """A joint at rest stands for many samples, whatever their stamps say; it is never called smooth."""
+    batch = random_stick_slip(seed).batch
+    monitor = JointMonitor(segments_kept=None)
+    stamps = arriving(batch.time, np.random.default_rng(5), wait)
+    together = Batch(time=stamps, position=batch.position, reference_position=batch.reference_position)
+    assert len(monitor.process(together) + monitor.finish()) >= 0.6 * len(cycles_of(batch))
+    assert Status.SMOOTH not in {segment.status for segment in monitor.segments}

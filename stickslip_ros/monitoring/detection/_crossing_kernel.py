@@ -33,8 +33,9 @@ BLOCKS_KEPT = 64  # latest blocks whose noise is kept, 1
     EFFORT_FLAT_END,
     SPEED,
     SLOWEST,
-) = range(9)
-CROSSING_COLUMNS = SLOWEST + 1
+    SAMPLE,  # number of the sample that set it
+) = range(10)
+CROSSING_COLUMNS = SAMPLE + 1
 
 # What is measured of one signal, its resolution and its noise.
 SIGNAL = np.dtype(
@@ -192,7 +193,7 @@ def measure_noise(signal):
 
 
 @inlined()
-def _set_crossing(time, position, step, reference, effort, detector):
+def _set_crossing(count, time, position, step, reference, effort, detector):
     """Append a crossing; ``step`` is the signed change of the reading since the last one."""
     head = detector.head
     # Rows of the ring. A view of a row costs a hundredth of a second to compile wherever it is taken.
@@ -223,6 +224,7 @@ def _set_crossing(time, position, step, reference, effort, detector):
     detector.crossings[new, EFFORT_FLAT_END] = effort
     detector.crossings[new, SLOWEST] = np.nan
     detector.crossings[new, SPEED] = 0.0
+    detector.crossings[new, SAMPLE] = count
     if head > 0:
         before = last
         if abs(step) >= STEPS_OF_SPEED * detector.position.band:
@@ -342,7 +344,7 @@ def process_sample(count, now, raw, pace_now, way_now, effort_now, detector):
     step = 0.0 if first else position - detector.level
     needed = detector.position.band if step * detector.sign >= 0.0 else 2.0 * detector.position.band
     if first or abs(step) >= needed * (1.0 - 1e-6):
-        _set_crossing(time, position, step, reference, effort, detector)
+        _set_crossing(count, time, position, step, reference, effort, detector)
         if first:
             detector.sign = 0.0
         else:

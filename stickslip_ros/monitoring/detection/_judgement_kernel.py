@@ -97,8 +97,8 @@ MOTION = np.dtype(
 # What the motion shows.
 (
     TOO_FEW, STICKS, AT_REST, STUCK, REVERSING, TOO_SHORT, STOPS_AND_GOES, DIPS, MOVES, STEPS_OF_COUNTS, FEW_COUNTS,
-    FEW_READINGS, NOT_FOLLOWING,
-) = range(13)  # fmt: skip
+    FEW_READINGS, NOT_FOLLOWING, BURSTS,
+) = range(14)  # fmt: skip
 
 PERIODS_TO_TRUST = 2.0  # duration of motion, cycle or natural periods: with less it is not called smooth
 _OUTLIVES = 2.0  # time, way or dwell, of that of the longest recent slip: with more what was found says nothing of now
@@ -207,10 +207,10 @@ def open_rest(least_duration, detector):
 
 
 @inlined()
-def slowest_share(since, detector):
+def slowest_share(since, clock, detector):
     """Slowest motion since a time over the mean there, 0 to 1, and how often the speed dipped.
 
-    1 and 0 if it has not picked up again.
+    1 and 0 if it has not picked up again. ``clock`` : the crossings' column that counts as time.
     """
     head = detector.head
     first = head
@@ -218,10 +218,11 @@ def slowest_share(since, detector):
         first -= 1
     begin, end = first % kernel.RING, (head - 1) % kernel.RING
     way = abs(detector.crossings[end, kernel.POSITION] - detector.crossings[begin, kernel.POSITION])
-    mean = way / (detector.crossings[end, kernel.TIME] - detector.crossings[begin, kernel.TIME])
+    duration = detector.crossings[end, clock] - detector.crossings[begin, clock]
+    mean = way / duration
     if mean == 0.0:
         return 1.0, 0
-    least, briefest = _BANDS_OF_A_SPEED * detector.position.band, _BRIEFEST * (detector.last_time - since)
+    least, briefest = _BANDS_OF_A_SPEED * detector.position.band, _BRIEFEST * duration
     # Over several gaps, so that the rhythm of counts and samples does not pass for a change of speed. A dip is slow
     # between two that are fast: neither a gentle start is one, nor slowing down before the motion has picked up again.
     fast, slowest, candidate = False, np.inf, np.inf
@@ -229,11 +230,13 @@ def slowest_share(since, detector):
     for n in range(first + _ENOUGH_CROSSINGS, head):
         crossing, before = n % kernel.RING, (n - _ENOUGH_CROSSINGS) % kernel.RING
         way = abs(detector.crossings[crossing, kernel.POSITION] - detector.crossings[before, kernel.POSITION])
-        speed = way / (detector.crossings[crossing, kernel.TIME] - detector.crossings[before, kernel.TIME])
+        speed = way / (detector.crossings[crossing, clock] - detector.crossings[before, clock])
         candidate = min(candidate, speed)
         last = (n - 1) % kernel.RING
         step = abs(detector.crossings[crossing, kernel.POSITION] - detector.crossings[last, kernel.POSITION])
         stood = detector.crossings[last, kernel.FLAT_END] - detector.crossings[last, kernel.TIME]
+        if clock != kernel.TIME:
+            stood = detector.crossings[crossing, clock] - detector.crossings[last, clock] - 1.0
         if step < kernel.STEPS_OF_SPEED * detector.position.band and stood > 0.0:
             # In all of what was seen of a stand the joint went a band at most: a stop, to a coarse encoder.
             candidate = min(candidate, detector.position.band / stood)
@@ -242,14 +245,14 @@ def slowest_share(since, detector):
                 slowest = min(slowest, candidate)
             fast, candidate = True, np.inf
         # Shallow dips count only where neither counts nor samples can make them.
-        place, now = detector.crossings[crossing, kernel.POSITION], detector.crossings[crossing, kernel.TIME]
+        place, now = detector.crossings[crossing, kernel.POSITION], detector.crossings[crossing, clock]
         while back + 1 + _ENOUGH_CROSSINGS <= n and (
             abs(place - detector.crossings[(back + 1) % kernel.RING, kernel.POSITION]) >= least
-            and now - detector.crossings[(back + 1) % kernel.RING, kernel.TIME] >= briefest
+            and now - detector.crossings[(back + 1) % kernel.RING, clock] >= briefest
         ):
             back += 1
         way = abs(place - detector.crossings[back % kernel.RING, kernel.POSITION])
-        elapsed = now - detector.crossings[back % kernel.RING, kernel.TIME]
+        elapsed = now - detector.crossings[back % kernel.RING, clock]
         if way >= least and elapsed >= briefest:
             speed = way / elapsed
             lowest = min(lowest, speed)
@@ -475,7 +478,7 @@ def judge(rest, motion, detector, coarse, remembers):
         return FEW_COUNTS, 0.0, 0.0
     enough = min(now - _SAMPLES_SEARCHED * motion.interval, _crossing_time(_LEAST_CROSSINGS, detector))
     since = max(min(now - needed, enough), begun)
-    dip, dips = slowest_share(since, detector)
+    dip, dips = slowest_share(since, kernel.TIME, detector)
     code, number = MOVES, dip
     if dips >= _AGAIN and dip >= _DIP:
         code, number = DIPS, min(dip, DIP_AGAIN)
@@ -488,6 +491,11 @@ def judge(rest, motion, detector, coarse, remembers):
         counts = _counts_of_a_step(began, motion, detector)
         if counts > 0.0:
             code, number = STEPS_OF_COUNTS, counts
+    if code == DIPS:
+        # To be one, a dip is seen by the number of samples, too; not so exactly, as steps of counts come in samples.
+        by_number, dips_by_number = slowest_share(since, kernel.SAMPLE, detector)
+        if by_number >= 2.0 * _DIP and 2 * dips_by_number < _AGAIN:
+            code = BURSTS
     if code == MOVES:
         # Cycles that last as long as motion needs to would have too few counts each for their slips to be seen.
         early = detector.crossings[(detector.head - _LEAST_CROSSINGS) % kernel.RING]
@@ -508,12 +516,14 @@ def judge(rest, motion, detector, coarse, remembers):
 
 
 @compiled()
-def did_not_rest(motion):
-    """Forget the last rest, where the joint only slowed down.
+def did_not_rest(slowed, motion):
+    """Forget the last rest, where the joint only slowed down, or only its stamps say so.
 
-    That is a deep dip, unless the reference has it too, or the joint turned there.
+    That it slowed down is a deep dip, unless the reference has it too, or the joint turned there.
     """
+    if not slowed:
+        motion.uneven, motion.unevenness, motion.uneven_at = BURSTS, 0.0, motion.now
     seen_lately = motion.now - motion.rested_at < motion.needed and motion.turned < motion.rest_began
     motion.rested_at = -np.inf
-    if seen_lately and _DEEPER * reference_slowest_share(motion.now - motion.needed, motion) > kernel.SLOW:
+    if slowed and seen_lately and _DEEPER * reference_slowest_share(motion.now - motion.needed, motion) > kernel.SLOW:
         motion.uneven, motion.unevenness, motion.uneven_at = DIPS, kernel.SLOW, motion.now

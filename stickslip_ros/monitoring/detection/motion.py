@@ -96,8 +96,8 @@ class CrossingRecord:
         self._motion, self._detector, self._velocity = motion, detector, velocity
         self._rested = True  # in the low-speed interval just completed
 
-    def did_not_rest(self) -> None:
-        """Note that the joint only slowed down where it seemed to rest."""
+    def did_not_rest(self, *, slowed: bool) -> None:
+        """Note that the joint only slowed down where it seemed to rest, or only its stamps say so."""
         self._rested = False
 
     def close_low_speed(self) -> None:
@@ -267,10 +267,10 @@ class MotionRecord(CrossingRecord):
         """Whether :meth:`follow` is to stop where a rest may have begun, from the next sample on; at first not."""
         self._motion["awaits_rest"] = awaited
 
-    def did_not_rest(self) -> None:
-        """Let the judgement know that the joint only slowed down where it seemed to rest."""
-        super().did_not_rest()
-        judgement.did_not_rest(self._motion)
+    def did_not_rest(self, *, slowed: bool) -> None:
+        """Let the judgement know that the joint did not rest where it seemed to."""
+        super().did_not_rest(slowed=slowed)
+        judgement.did_not_rest(slowed, self._motion)
 
     def turns(self) -> list[float]:
         """Take the times at which the joint was seen to move the other way, since the last time [s]."""

@@ -64,6 +64,7 @@ _FAST_AGAIN = 0.4  # speed, of the fastest motion before: a low-speed interval e
 _STANDING = 0.002  # measured velocity less its noise, of the fastest motion: with less the joint stands
 _FEW_GAPS = 2  # gaps of a rest, 1: with more the joint crept
 _LEAST_CREEP = 0.005  # creep, of the slip before: less is how gently a slip begins
+_SLOW_BY_SAMPLES = 0.3  # motion a sample, of the fastest: a slower one is slow, whatever the stamps say
 _EDGE = 0.1  # time from the ends of a rest, of the rest: a creeping joint comes to rest, and leaves, there
 _TURN = 1.5  # time since the last crossing, of that to the arrest: a joint that turns round sets a crossing by then
 _FRACTIONS = np.linspace(0.02, 0.98, 17)  # places in a count, 1: where a joint may have come to rest
@@ -394,9 +395,10 @@ class _RestSearch:
 
     def complete_rest(self) -> Rest | None:
         """The rest in the low-speed interval just completed; None if the joint did not rest."""
-        rest = self._rest_in_interval() or self._rest_in_interval(creeps=True)
+        slowed = self._slow_by_samples()
+        rest = (self._rest_in_interval() or self._rest_in_interval(creeps=True)) if slowed else None
         if rest is None:
-            self._record.did_not_rest()
+            self._record.did_not_rest(slowed=slowed)
         return rest
 
     def begun_rest(self) -> Rest | None:
@@ -567,6 +569,24 @@ class _RestSearch:
             (breakaway, rest.position + 0.5 * rest.crept, rest.reference_left),
         )
         return rest
+
+    def _slow_by_samples(self) -> bool:
+        """Whether the joint was slow in its longest gap by the number of samples, too.
+
+        Of samples that wait and come together the stamps are late, and the time between them shows stands.
+        """
+        newest = self._record.crossing_count - 1
+        longest, _ = self._record.longest_gap
+        oldest = max(self._rest_end, newest - kernel.RING + 1)
+        if longest <= oldest:
+            return True
+        crossings = self._record.crossings(oldest, newest)
+        places, numbers = crossings[:, kernel.POSITION], crossings[:, kernel.SAMPLE]
+        at = longest - oldest
+        step, samples = abs(float(places[at + 1] - places[at])), float(numbers[at + 1] - numbers[at])
+        stood = max(samples - 1.0, samples * self._record.band / max(step, self._record.band))
+        beside = np.abs(places[2:] - places[:-2]) / np.maximum(numbers[2:] - numbers[:-2], 1.0)
+        return self._record.band < _SLOW_BY_SAMPLES * float(np.quantile(beside, kernel.FAST_SHARE)) * stood
 
     def _stops(self, crossings: FloatArray, longest: int, fastest: float) -> bool:
         """Whether the course of the speed shows a stop at the longest gap, and no dip; not if samples are too few."""

@@ -31,6 +31,7 @@ STATUS_OF = {
     judgement.FEW_COUNTS: Status.NOT_JUDGED,
     judgement.FEW_READINGS: Status.NOT_JUDGED,
     judgement.NOT_FOLLOWING: Status.NOT_JUDGED,
+    judgement.BURSTS: Status.NOT_JUDGED,
 }
 _MENDED = (Status.NOT_JUDGED, Status.AT_REST)
 

@@ -115,6 +115,11 @@ class TooFewCounts:
     """The joint has moved by too few counts of its encoder for any judgement."""
 
 
+@dataclass(frozen=True)
+class StampsInBursts:
+    """By the stamps of its samples the joint stops and goes, or its speed falls; by their number it does not."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class SampledTooSlowly:
     """Between two samples the joint could stick and slip unseen.
@@ -165,6 +170,7 @@ Reason = (
     | NotFollowing
     | TooCoarse
     | TooFewCounts
+    | StampsInBursts
     | SampledTooSlowly
     | SpeedFalls
     | ThinReserve
