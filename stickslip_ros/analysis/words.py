@@ -27,6 +27,7 @@ from stickslip_ros.output.wording import (
 
 _LEAST_SHARE = 0.001  # that is told as a number
 _WHOLE_PERCENTS = 0.1  # a share from which on whole percents are enough
+_LEAST_TOLD = 1e-9  # way of a slip, rad: what is unseen below is rounding
 _MOST_NAMED = 5  # joints
 _SLOW_SHARE = 0.1  # share of the time of stick-slip, 1: what is shorter may be a start
 _SLOWER = 0.8  # speed, of that of the advice: gains with the wanted reserve are enough to it
@@ -262,4 +263,4 @@ def smooth(joints: Sequence[JointAnalysis]) -> str:
 def _unseen(joints: Sequence[JointAnalysis]) -> str:
     """Which slips of joints that move smoothly the encoders or the noise may have hidden."""
     least = max(joint.assessment.least_slip_seen for joint in joints)
-    return f"; slips of less than {angle_text(least)} may go unseen" if least > 0 else ""
+    return f"; slips of less than {angle_text(least)} may go unseen" if least > _LEAST_TOLD else ""

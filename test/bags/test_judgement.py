@@ -22,6 +22,7 @@ from stickslip_ros.analysis.fleet import Answers, BagTask
 from stickslip_ros.analysis.fleet_joints import stick_slip_share as share_of_rows
 from stickslip_ros.analysis.joint_analysis import JointAnalysis
 from stickslip_ros.analysis.judgement import (
+    caveat,
     moving_time,
     overall_status,
     stick_slip_share,
@@ -32,7 +33,9 @@ from stickslip_ros.analysis.judgement import (
 from stickslip_ros.bags.simulated import RecordedJoint, write_simulation
 from stickslip_ros.cli.main import main
 from stickslip_ros.monitoring.detection.cycles import Cycle
-from stickslip_ros.monitoring.detection.status import Segment, Status, Stuck
+from stickslip_ros.monitoring.detection.status import Segment, Status, StopsAndGoes, Stuck
+from stickslip_ros.monitoring.joint_monitor import JointMonitor
+from stickslip_ros.monitoring.samples import Batch
 from stickslip_ros.output.diagnosis import joint_diagnostic
 from stickslip_ros.output.published import Findings
 from stickslip_ros.settings.parameter_file import Parameters
@@ -110,6 +113,22 @@ def test_stuck_is_who_stands_while_the_reference_goes_on() -> None:
     assert overall_status(stands(8.0)) is SMOOTH
     jammed = [*stands(8.0)[:2], replace(stands(8.0)[1], start=18.0, end=30.0, stuck=12.0)]
     assert overall_status(jammed) is NOT_JUDGED
+
+
+@pytest.mark.parametrize(("stops", "status"), [((1.0, 1.15, 3.6), SMOOTH), ((0.9, 1.1, 2.9, 3.6), NOT_JUDGED)])
+def test_stops_too_short_to_be_stretches_bear_on_the_whole(stops: tuple[float, ...], status: Status) -> None:
+    """Of stops of 20 ms, without a reference, it was "stops and goes" live, and "nothing has to be done" in the end."""
+    times = np.arange(0.0, 4.0, 0.001)
+    speed = np.full(len(times), 0.5)
+    for stop in stops:
+        speed *= np.clip(np.abs(times - stop - 0.02) / 0.01 - 1.0, 0.0, 1.0)
+    monitor = JointMonitor(segments_kept=None)
+    monitor.process(Batch(time=times, position=1e-4 * np.round(10.0 * np.cumsum(speed))))
+    monitor.finish()
+    assert overall_status(monitor.segments) is status
+    why, lasted = caveat(monitor.segments)
+    assert why == StopsAndGoes()
+    assert lasted > 1.0
 
 
 def test_flicker_tells_no_turn() -> None:

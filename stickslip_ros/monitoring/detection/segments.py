@@ -93,7 +93,7 @@ class Segments:
             Status.AT_REST,
         )
         if between and _way(self.all[-2]) * goes > 0.0:
-            self._append(replace(self.all.pop(), status=Status.NOT_JUDGED, caveat=StopsAndGoes()))
+            self._append(replace(self.all.pop(), status=Status.NOT_JUDGED))
             self._from = begins - _way(self.all[-1])
 
     def _append(self, segment: Segment) -> None:
@@ -137,6 +137,8 @@ class Segments:
                 stuck, travel = stuck + duration, travel + abs(velocity) * duration
         velocity = (float(rows[-1, kernel.TO]) - self._from) / (end - start) if end > start else 0.0
         caveat = begun.caveat
+        if code == judgement.STOPS_AND_GOES:
+            caveat = StopsAndGoes()
         if code == judgement.NOT_FOLLOWING:
             caveat = NotFollowing(share=float(rows[-1, kernel.NUMBER]))
         self.all.append(
