@@ -187,13 +187,14 @@ def _span(batch: Batch) -> float:
 
 
 def _hints(table: Table, unit: str) -> str:
-    """Options that give positions and their references a unit, where they have none of their own."""
+    """Options that give positions and their references a unit, or else times, where they have none of their own."""
     texts = []
     for field in _PLACES:
         of_field = {own: uses[field] for own, uses in table.joints.items() if field in uses}
         if any(use.assumed for use in of_field.values()):
             named = {own: (use.name, unit if use.assumed else use.unit) for own, use in of_field.items()}
             texts.append(columns.hint(field, named))
+    texts += [f"--column {quote(f'{columns.TIME}={use.name}:ms')}" for use in table.time if use.assumed and not texts]
     return " ".join(texts) or f"--column 'FIELD=COLUMN:{unit}'"
 
 

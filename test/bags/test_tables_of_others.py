@@ -238,6 +238,15 @@ def test_units_as_they_are_printed(tmp_path: Path, capsys: pytest.CaptureFixture
         assert main(["convert", str(path), *out, "--column", f"velocity=v1:{unit}"]) == 0, unit
 
 
+def test_a_time_without_a_unit_is_named_where_only_it_has_none(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The option that is to be typed has the column's name; it had FIELD and COLUMN, and a unit of angles."""
+    path = write_rows(tmp_path / "a.csv", "time,q1_deg", [f"{0.1 * number:.3f},{number}" for number in range(30)])
+    assert main(["convert", str(path), "--out", str(tmp_path / "a.mcap")]) == 0
+    assert "To set it: --column time=time:ms" in " ".join(capsys.readouterr().err.split())
+
+
 def test_a_unit_of_a_position_is_that_of_its_joint(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """References and speeds without a unit have that of their joint's position; those that have one keep it."""
     path = write_rows(tmp_path / "a.csv", "time_s,q1,q1_ref,dq1,q2,q2_ref,dq2_rad_per_s", [
