@@ -20,31 +20,13 @@ from stickslip_ros.monitoring.advice.limits import Criterion, ObservedLoop
 from stickslip_ros.monitoring.assessment import Adviser, Assessment, MarginPrediction, MonitorOptions
 from stickslip_ros.monitoring.detection import _judgement_kernel as judgement
 from stickslip_ros.monitoring.detection import _motion_kernel as kernel
+from stickslip_ros.monitoring.detection import status as reasons
 from stickslip_ros.monitoring.detection.cycles import Cycle, CycleDetector
 from stickslip_ros.monitoring.detection.motion import Swing
 from stickslip_ros.monitoring.detection.rests import Rest, RestDetector
 from stickslip_ros.monitoring.detection.reversals import ReversalMeter, ReversalRecord
 from stickslip_ros.monitoring.detection.segments import STATUS_OF, Segments
-from stickslip_ros.monitoring.detection.status import (
-    Finding,
-    Hunting,
-    NoSamples,
-    NotFollowing,
-    Reason,
-    Reversing,
-    SampledTooSlowly,
-    Segment,
-    SpeedFalls,
-    StampsInBursts,
-    Status,
-    StopsAndGoes,
-    Stuck,
-    ThinReserve,
-    TooCoarse,
-    TooFewCounts,
-    TooFewSamples,
-    TooShort,
-)
+from stickslip_ros.monitoring.detection.status import Finding, Reason, Segment, Status
 from stickslip_ros.monitoring.friction.learner import FrictionLearner, LearnerMemory
 from stickslip_ros.monitoring.friction.presliding import PreslidingMeter
 from stickslip_ros.monitoring.friction.slip_windows import slip_window
@@ -61,16 +43,16 @@ _LONGEST_PART = 8.0  # span of samples followed at once, s: shorter than what th
 _SEGMENTS_KEPT = 10_000  # segments that are kept, 1
 # Reasons that the two numbers of the kernel explain, by its code.
 _REASONS: dict[int, Callable[[float, float], Reason]] = {
-    judgement.TOO_FEW: lambda *_: TooFewSamples(),
-    judgement.STUCK: lambda duration, travel: Stuck(duration=duration, travel=travel),
-    judgement.STOPS_AND_GOES: lambda *_: StopsAndGoes(),
-    judgement.NOT_FOLLOWING: lambda share, _: NotFollowing(share=share),
-    judgement.TOO_SHORT: lambda moving, needed: TooShort(moving=moving, needed=needed),
-    judgement.STEPS_OF_COUNTS: lambda counts, _: TooCoarse(counts=counts),
-    judgement.FEW_COUNTS: lambda *_: TooFewCounts(),
-    judgement.BURSTS: lambda *_: StampsInBursts(),
-    judgement.FEW_READINGS: lambda rate, needed: SampledTooSlowly(rate=rate, needed=needed),
-    judgement.DIPS: lambda share, _: SpeedFalls(share=share),
+    judgement.TOO_FEW: lambda *_: reasons.TooFewSamples(),
+    judgement.STUCK: lambda duration, travel: reasons.Stuck(duration=duration, travel=travel),
+    judgement.STOPS_AND_GOES: lambda *_: reasons.StopsAndGoes(),
+    judgement.NOT_FOLLOWING: lambda share, _: reasons.NotFollowing(share=share),
+    judgement.TOO_SHORT: lambda moving, needed: reasons.TooShort(moving=moving, needed=needed),
+    judgement.STEPS_OF_COUNTS: lambda counts, _: reasons.TooCoarse(counts=counts),
+    judgement.FEW_COUNTS: lambda *_: reasons.TooFewCounts(),
+    judgement.BURSTS: lambda *_: reasons.StampsInBursts(),
+    judgement.FEW_READINGS: lambda rate, needed: reasons.SampledTooSlowly(rate=rate, needed=needed),
+    judgement.DIPS: lambda share, _: reasons.SpeedFalls(share=share),
 }
 
 
@@ -408,7 +390,7 @@ class JointMonitor:
     def finding(self) -> Finding:
         """What the motion shows at the last sample."""
         if not math.isfinite(self._motion.last_time):
-            return Finding(status=Status.UNKNOWN, reason=NoSamples(left_out=tuple(self._filter.dropped)))
+            return Finding(status=Status.UNKNOWN, reason=reasons.NoSamples(left_out=tuple(self._filter.dropped)))
         self._note_needed_motion()
         code, first, second = self._motion.judge()
         return self._found(code, first, second)
@@ -418,15 +400,16 @@ class JointMonitor:
         status = STATUS_OF[code]
         reason = _REASONS[code](first, second) if code in _REASONS else None
         if code == judgement.STICKS and any(cycle.hunting for cycle in self._recent):
-            reason = Hunting()
+            reason = reasons.Hunting()
         elif code == judgement.REVERSING:
-            reason = Reversing(record=self._reversal_record)
+            reason = reasons.Reversing(record=self._reversal_record)
         elif code == judgement.MOVES:
             velocity, _ = self.velocity()
             reserves, condition = self._damping_reserves(np.array([velocity]))
             reserve = float(reserves[0])
             if reserve < self.options.warn_margin:
-                status, reason = Status.AT_RISK, ThinReserve(reserve=reserve, exactly=condition is Criterion.EXACT)
+                status = Status.AT_RISK
+                reason = reasons.ThinReserve(reserve=reserve, exactly=condition is Criterion.EXACT)
         return Finding(status=status, reason=reason)
 
     @property
