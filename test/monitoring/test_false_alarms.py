@@ -153,3 +153,24 @@ def test_stick_slip_is_found_though_samples_come_together(seed: int, wait: float
     together = Batch(time=stamps, position=batch.position, reference_position=batch.reference_position)
     assert len(monitor.process(together) + monitor.finish()) >= 0.6 * len(cycles_of(batch))
     assert Status.SMOOTH not in {segment.status for segment in monitor.segments}
+
+
+@pytest.mark.parametrize("count", [1e-5, 1e-3])
+@pytest.mark.parametrize(("wait", "scatter"), [(0.02, 0.0), (0.05, 0.0), (0.05, 0.3)])
+def test_a_sensor_that_is_read_seldom_shows_no_sticks(count: float, wait: float, scatter: float) -> None:
+    """A drive tells its position 20 or 50 times a second, and a controller publishes it at 1 kHz: a sine has no cycle.
+
+    How often it tells it was learnt from the first turn on, when the resolution was known, and in seconds.
+    """
+    time, generator = np.arange(0.0, 20.0, 0.001), np.random.default_rng(2)
+    told = np.cumsum(wait * generator.uniform(1.0 - scatter, 1.0 + scatter, int(30.0 / wait)))
+    held = np.concatenate([[0.0], told])[np.searchsorted(told, time, side="right")]
+    position, reference = (0.3 * np.sin(0.5 * at) for at in (held, time))
+    monitor = JointMonitor(segments_kept=None)
+    batch = Batch(time=time, position=count * np.round(position / count), reference_position=reference)
+    assert monitor.process(batch) + monitor.finish() == []
+    lasted = dict.fromkeys(Status, 0.0)
+    for segment in monitor.segments:
+        lasted[segment.status] += segment.end - segment.start
+    assert lasted[Status.SMOOTH] > 10.0
+    assert lasted[Status.AT_RISK] < 1.0

@@ -17,6 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip_ros.compilation import helper, inlined, kernel
+from stickslip_ros.monitoring._quantile_kernel import quantile
 
 BLOCK = 32  # raw readings of a block, 1
 RING = 4096  # latest crossings that are kept, 1
@@ -94,6 +95,7 @@ _BANDS_PER_NOISE = 5.0  # band, standard deviations of the noise
 _LEAST_BAND = 1e-15  # band, unit of the signal
 _ROUNDING = 1e-10  # difference of two readings, of the largest reading: a smaller one is arithmetic, not motion
 STEPS_OF_SPEED = 3.0  # step, bands: a larger one has a speed of its own
+_GAPS_OF_UPDATE = 16  # latest gaps that tell how often a sensor is read anew, 1
 _HOLD_LIMIT = 2.5  # gap, intervals of a sensor's update: in a longer one the joint stood
 _CROSSINGS_TO_LEAVE = 4  # crossings after the longest gap, 1: with fewer a low-speed interval has not ended
 CROSSINGS_TO_WAIT = (128, 512)  # crossings until a slip that gets no faster has ended it, 1: fine scale, coarse scale
@@ -192,6 +194,24 @@ def measure_noise(signal):
     _set_band(signal)
 
 
+@helper()
+def _first_update(between, detector):
+    """How often a sensor is read anew, by what came before its resolution was known [s]: no step was called large then.
+
+    That is the median gap of the latest large steps where it is clearly longer than the time between samples.
+    """
+    gaps, count, n = np.empty(_GAPS_OF_UPDATE), 0, detector.head - 1
+    while count < _GAPS_OF_UPDATE and n > max(0, detector.head - RING):
+        now, before = n % RING, (n - 1) % RING
+        step = abs(detector.crossings[now, POSITION] - detector.crossings[before, POSITION])
+        if step >= STEPS_OF_SPEED * detector.position.band:
+            gaps[count] = detector.crossings[now, TIME] - detector.crossings[before, TIME]
+            count += 1
+        n -= 1
+    usual = quantile(gaps, count, 0.5) if 4 * count >= _GAPS_OF_UPDATE else 0.0
+    return usual if usual > _HOLD_LIMIT * between else between
+
+
 @inlined()
 def _set_crossing(count, time, position, step, reference, effort, detector):
     """Append a crossing; ``step`` is the signed change of the reading since the last one."""
@@ -233,7 +253,7 @@ def _set_crossing(count, time, position, step, reference, effort, detector):
             # Samples that are missing are no slow sensor.
             seen = between <= _HOLD_LIMIT * detector.interval
             if seen and detector.update == 0.0:
-                detector.update = between
+                detector.update = _first_update(between, detector)
             held = gap <= _HOLD_LIMIT * detector.update
             elapsed = gap if held else max(time - detector.crossings[last, FLAT_END], detector.update)
             if seen:
