@@ -194,7 +194,8 @@ def _hints(table: Table, unit: str) -> str:
         if any(use.assumed for use in of_field.values()):
             named = {own: (use.name, unit if use.assumed else use.unit) for own, use in of_field.items()}
             texts.append(columns.hint(field, named))
-    texts += [f"--column {quote(f'{columns.TIME}={use.name}:ms')}" for use in table.time if use.assumed and not texts]
+    if not texts:
+        texts = [f"--column {quote(f'{columns.TIME}={use.name}:ms')}" for use in table.time if use.assumed]
     return " ".join(texts) or f"--column 'FIELD=COLUMN:{unit}'"
 
 

@@ -521,9 +521,9 @@ def did_not_rest(slowed, motion):
 
     That it slowed down is a deep dip, unless the reference has it too, or the joint turned there.
     """
-    if not slowed:
-        motion.uneven, motion.unevenness, motion.uneven_at = BURSTS, 0.0, motion.now
     seen_lately = motion.now - motion.rested_at < motion.needed and motion.turned < motion.rest_began
     motion.rested_at = -np.inf
-    if slowed and seen_lately and _DEEPER * reference_slowest_share(motion.now - motion.needed, motion) > kernel.SLOW:
+    if not slowed:
+        motion.uneven, motion.unevenness, motion.uneven_at = BURSTS, 0.0, motion.now
+    elif seen_lately and _DEEPER * reference_slowest_share(motion.now - motion.needed, motion) > kernel.SLOW:
         motion.uneven, motion.unevenness, motion.uneven_at = DIPS, kernel.SLOW, motion.now

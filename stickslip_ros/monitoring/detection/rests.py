@@ -158,7 +158,10 @@ def end_of_creep(
 
 def fastest(crossings: NDArray[np.float64]) -> float:
     """Fastest motion at these crossings, without the few outliers that noise and jittered stamps make [rad/s]."""
-    speeds = np.abs(crossings[:, kernel.SPEED])
+    return _fast_share(np.abs(crossings[:, kernel.SPEED]))
+
+
+def _fast_share(speeds: FloatArray) -> float:
     # np.quantile, which takes ten times as long for so few.
     rank = kernel.FAST_SHARE * (len(speeds) - 1)
     below = int(rank)
@@ -395,8 +398,17 @@ class _RestSearch:
 
     def complete_rest(self) -> Rest | None:
         """The rest in the low-speed interval just completed; None if the joint did not rest."""
-        slowed = self._slow_by_samples()
-        rest = (self._rest_in_interval() or self._rest_in_interval(creeps=True)) if slowed else None
+        newest = self._record.crossing_count - 1
+        longest, _ = self._record.longest_gap
+        oldest = max(self._rest_end, newest - kernel.RING + 1)
+        rest, slowed = None, True
+        if longest >= oldest:
+            crossings = self._record.crossings(oldest, newest)
+            slowed = longest == oldest or self._slow_by_samples(crossings, longest - oldest)
+            if slowed:
+                # Each look may lengthen a stand in its crossings.
+                rest = self._rest_in_interval(crossings.copy(), oldest, longest - oldest)
+                rest = rest or self._rest_in_interval(crossings, oldest, longest - oldest, creeps=True)
         if rest is None:
             self._record.did_not_rest(slowed=slowed)
         return rest
@@ -458,35 +470,36 @@ class _RestSearch:
             before, core[None, :], arrest, float(core[kernel.FLAT_END]), float(core[kernel.POSITION]), direction, 0
         )
 
-    def _rest_in_interval(self, *, creeps: bool = False) -> Rest | None:
+    def _rest_in_interval(
+        self, crossings: FloatArray, oldest: int, longest: int, *, creeps: bool = False
+    ) -> Rest | None:
         """Decide whether the low-speed interval just completed was a rest, and when it began and ended.
 
         How fast counts may be at rest depends on the band, and on the little that is known of the slip after it. Where
         that finds none, ``creeps``, a stretch ten times slower than the slip before is one if it lasts longer than any
         dip does and the motion goes on the same way, however fine the encoder.
+
+        Parameters
+        ----------
+        crossings : since the last rest; a stand among them may be lengthened. oldest : number of the first of them.
+        longest : which of them the longest gap follows.
         """
-        newest = self._record.crossing_count - 1
-        longest, _ = self._record.longest_gap
-        oldest = max(self._rest_end, newest - kernel.RING + 1)
-        if longest < oldest:
-            return None
-        crossings = self._record.crossings(oldest, newest)
         initial = oldest == 0 and longest == 0
-        speed_before = np.inf if initial else fastest(crossings[1 : longest - oldest + 1]) if longest > oldest else 0.0
+        speed_before = np.inf if initial else fastest(crossings[1 : longest + 1]) if longest > 0 else 0.0
         speed_after = self._record.speed_after
         slowest = min(speed_before, speed_after)
-        travel = abs(_way_of(crossings[: longest - oldest + 1]))
+        travel = abs(_way_of(crossings[: longest + 1]))
         # Counts are told from creep by their slowness; where motion has hundreds of them, by their mean speed.
         creep = _CREEP if travel > _FINE * self._record.band else _CREEP_OF_COUNTS
         if not initial and travel > 0.0:
             creep = max(creep, min(kernel.SLOW, _GENTLE * math.sqrt(self._record.band / travel)))
         if creeps:
             slowest = min(speed_before, speed_after / _FAST_AGAIN)
-            if initial or not self._crept(crossings, longest - oldest, slowest):
+            if initial or not self._crept(crossings, longest, slowest):
                 return None
             creep = kernel.SLOW
         farthest = max(_CREPT * travel, self._record.band)
-        first, last = rest_gaps(crossings, longest - oldest, self._record.band, creep * slowest, farthest)
+        first, last = rest_gaps(crossings, longest, self._record.band, creep * slowest, farthest)
         before, after = crossings[: first + 1], crossings[last + 1 :]
         if len(after) == 0 or (not initial and abs(_way_of(before)) < _LEAST_SLIP_BANDS * self._record.band):
             return None
@@ -519,7 +532,7 @@ class _RestSearch:
         crept = direction_after * float(crossings[last, kernel.POSITION] - begin)
         speed = speed_after if initial else max(speed_before, speed_after)
         creep_onset = math.inf
-        left_at, left_from, slip = end_of_creep(crossings, longest - oldest, last, speed, direction_after)
+        left_at, left_from, slip = end_of_creep(crossings, longest, last, speed, direction_after)
         if last - first > _FEW_GAPS or crept < 0 or (left_at > last and abs(left_from - begin) > _LEAST_CREEP * travel):
             # The joint crept: where it came to rest and where it left is known, and not the same.
             edges = rest_begin + np.array([_EDGE, 1.0 - _EDGE]) * (rest_end - rest_begin)
@@ -539,7 +552,7 @@ class _RestSearch:
             left, right, places, rest_begin, rest_end, direction_before, direction_after
         )
         dated = True
-        stops = initial or self._stops(crossings, longest - oldest, slowest)
+        stops = initial or self._stops(crossings, longest, slowest)
         if certain and breakaway > arrest:
             span = float(right[-1, kernel.TIME] - left[-1, kernel.TIME]) - (breakaway - arrest)
             certain = breakaway - arrest < (_LEAST_DWELL_OF_CREEP if crept_on else _LEAST_DWELL) * span
@@ -570,23 +583,16 @@ class _RestSearch:
         )
         return rest
 
-    def _slow_by_samples(self) -> bool:
+    def _slow_by_samples(self, crossings: FloatArray, longest: int) -> bool:
         """Whether the joint was slow in its longest gap by the number of samples, too.
 
         Of samples that wait and come together the stamps are late, and the time between them shows stands.
         """
-        newest = self._record.crossing_count - 1
-        longest, _ = self._record.longest_gap
-        oldest = max(self._rest_end, newest - kernel.RING + 1)
-        if longest <= oldest:
-            return True
-        crossings = self._record.crossings(oldest, newest)
-        places, numbers = crossings[:, kernel.POSITION], crossings[:, kernel.SAMPLE]
-        at = longest - oldest
-        step, samples = abs(float(places[at + 1] - places[at])), float(numbers[at + 1] - numbers[at])
-        stood = max(samples - 1.0, samples * self._record.band / max(step, self._record.band))
+        band, places, numbers = self._record.band, crossings[:, kernel.POSITION], crossings[:, kernel.SAMPLE]
+        step, samples = (float(np.diff(values[longest : longest + 2])[0]) for values in (places, numbers))
+        stood = max(samples - 1.0, samples * band / max(abs(step), band))
         beside = np.abs(places[2:] - places[:-2]) / np.maximum(numbers[2:] - numbers[:-2], 1.0)
-        return self._record.band < _SLOW_BY_SAMPLES * float(np.quantile(beside, kernel.FAST_SHARE)) * stood
+        return band < _SLOW_BY_SAMPLES * _fast_share(beside) * stood
 
     def _stops(self, crossings: FloatArray, longest: int, fastest: float) -> bool:
         """Whether the course of the speed shows a stop at the longest gap, and no dip; not if samples are too few."""
