@@ -145,7 +145,7 @@ def advice(joint: JointAnalysis) -> str:
         return ""
     if advised is None:
         if not matters(joint):
-            return "" if joint.status in NOT_JUDGED else "Nothing has to be done."
+            return "" if joint.status in NOT_JUDGED else _sentence(_nothing(_stands_at_turns(joint)))
         return f"No gains can be advised: {state.margin_reason or 'its friction is unknown'}."
     recommendation = state.recommendation
     if recommendation is not None and recommendation.keep:
@@ -254,10 +254,25 @@ def rests_on(joint: JointAnalysis) -> str:
 
 
 def smooth(joints: Sequence[JointAnalysis]) -> str:
-    """What is to be said of the joints that move smoothly throughout; "" without any."""
+    """What is to be said of the joints that move smoothly throughout, a line for each kind; "" without any."""
     found = [joint for joint in joints if joint.status is Status.SMOOTH and not matters(joint)]
-    names = ", ".join(joint.name for joint in found)
-    return f"{names}: smooth, nothing has to be done{_unseen(found)}." if names else ""
+    lines = []
+    for stands in (False, True):
+        alike = [joint for joint in found if _stands_at_turns(joint) is stands]
+        names, where = ", ".join(joint.name for joint in alike), " between reversals" if stands else ""
+        lines += [f"{names}: smooth{where}, {_nothing(stands)}{_unseen(alike)}."] if alike else []
+    return "\n".join(lines)
+
+
+def _stands_at_turns(joint: JointAnalysis) -> bool:
+    """Whether it stands where it reverses, as lost motion or friction make it, which is no stick-slip."""
+    record = joint.assessment.reversals
+    return record is not None and record.standing > 0.0
+
+
+def _nothing(stands: bool) -> str:
+    """That nothing has to be done; where the joint stands at its reversals, that this is so of stick-slip."""
+    return f"nothing has to be done{' against stick-slip' if stands else ''}"
 
 
 def _unseen(joints: Sequence[JointAnalysis]) -> str:

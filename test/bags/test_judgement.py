@@ -396,6 +396,27 @@ def test_signs_of_what_reversals_do(
         assert other.endswith("; at most it falls behind by 10 mrad.")
 
 
+@pytest.mark.parametrize(
+    ("play", "said"),
+    [
+        (0.0, "a: smooth, nothing has to be done; slips of less than"),
+        (0.2, "a: smooth between reversals, nothing has to be done against stick-slip; slips of less than"),
+    ],
+)
+def test_a_joint_that_stands_at_its_reversals(play: float, said: str, tmp_path: Path) -> None:
+    """Of lost motion: "it stands for 0.74 s and falls behind by 134 mrad", and then "nothing has to be done"."""
+    messages, position = [], 0.0
+    for time in (0.01 * np.arange(4000)).tolist():
+        wanted = 0.5 * math.sin(0.2 * math.pi * time)
+        position = min(max(position, wanted - 0.5 * play), wanted + 0.5 * play)
+        seen = round(position / 1e-4) * 1e-4
+        messages.append(("/joint_states", JOINT_STATE, time, joint_state(time, ["a"], position=[seen])))
+        messages.append(("/joint_references", JOINT_STATE, time, joint_state(time, ["a"], position=[wanted])))
+    write_mcap(tmp_path / "a.mcap", messages)
+    joint = analyze(tmp_path / "a.mcap", WITHOUT_LEARNING).joints["a"]
+    assert words.smooth([joint]).startswith(said)
+
+
 def test_advice_for_one_of_two_speeds_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A joint that stuck at 6 mrad/s too was advised 7.5 N·m·s/rad, which end it at 20 mrad/s; 130 end it at both."""
     path = tmp_path / "a.mcap"
