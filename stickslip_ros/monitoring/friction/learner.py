@@ -101,7 +101,7 @@ class FrictionLearner:
         self._wanted = self._in_a_row = 0
         self._due: StudyQuestion | None = None
         self._under_way = False
-        self._waiting: deque[SlipWindow] = deque()
+        self._waiting: deque[SlipWindow | None] = deque()  # None: no more slips came then
         self.skipped = 0
         self.studied_in_vain = 0
 
@@ -131,13 +131,19 @@ class FrictionLearner:
 
     def add_slip(self, window: SlipWindow) -> None:
         """Learn from a slip, in bounded time."""
-        if self._due is None:
-            self._learn(window)
-            return
         self._waiting.append(window)
-        if len(self._waiting) > MOST_SLIPS:
-            self._waiting.popleft()
-            self.skipped += 1
+        while len(self._waiting) > MOST_SLIPS:
+            self.skipped += self._waiting.popleft() is not None
+        self._learn_what_waits()
+
+    def _learn_what_waits(self) -> None:
+        """Take what came, in its order, until a study is due."""
+        while self._waiting and self._due is None:
+            window = self._waiting.popleft()
+            if window is None:
+                self._request_last_study()
+            else:
+                self._learn(window)
 
     def _learn(self, window: SlipWindow) -> None:
         self._seen += 1
@@ -152,15 +158,20 @@ class FrictionLearner:
         self._request_study(self._studied + min(more, self.memory))
 
     def finish(self) -> None:
-        """No more slips come for now: what came since the last study is worth another.
+        """No more slips come for now: what came since the last study is worth another."""
+        if not (self._waiting and self._waiting[-1] is None):
+            self._waiting.append(None)
+        self._learn_what_waits()
+
+    def _request_last_study(self) -> None:
+        """Make a study due where no more slips came, if there were enough since the last one.
 
         Every slip is once so many came that only slips unlike the last one are learnt from, and of friction that
         drifts: parameters are reported as they are at the last slip that was studied.
         """
-        if self._due is None:
-            drifts = self._state is not None and self._state.drifts and self._studied > 0
-            every = drifts or self._studied >= MOST_SLIPS
-            self._request_study(self._studied + 1 if every else _LAST_STUDY * self._studied)
+        drifts = self._state is not None and self._state.drifts and self._studied > 0
+        every = drifts or self._studied >= MOST_SLIPS
+        self._request_study(self._studied + 1 if every else _LAST_STUDY * self._studied)
 
     def _request_study(self, slips: float) -> None:
         """Make a study due if so many slips were seen."""
@@ -221,8 +232,7 @@ class FrictionLearner:
             if self._before_change is not None and not learnt.estimate.mismatch:
                 self.change = friction_change(self._before_change, learnt.estimate, self._changed_at)
                 self._before_change = None
-        while self._waiting and self._due is None:
-            self._learn(self._waiting.popleft())
+        self._learn_what_waits()
 
     def study_now(self) -> None:
         """Study here what is due."""
