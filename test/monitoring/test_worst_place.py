@@ -204,7 +204,7 @@ def test_random_machines(kind: str, seed: int) -> None:
     """
     recording = random_varying(seed, kind)
     worst, best = places(recording)
-    estimate = learnt_monitor(recording).assessment().estimate
+    estimate = learnt_monitor(recording, as_it_goes=kind == LOAD).assessment().estimate
     assert estimate is not None
     assert estimate.usable
     if kind == EVEN:

@@ -160,9 +160,10 @@ def test_random_recordings_live_and_from_the_file(ros_domain: int, tmp_path: Pat
             sticking += len(expected.cycles) > 0
             assert one.status(expected.name) == expected.assessment.finding.status.value
             # Segments are of 50 ms or more, and live a status is said now and then: both miss short ones, and tell no
-            # others.
+            # others. The 50 ms in which the joint came to rest are neither motion nor rest to a segment.
             every = words_of(path, options, expected.name)
-            recorded = [key for key, _ in itertools.groupby(segment.status.value for segment in expected.segments)]
+            longer = (each.status.value for each in expected.segments if each.end - each.start > 0.06)
+            recorded = [key for key, _ in itertools.groupby(longer)]
             assert is_part_of(recorded, every), (recorded, every)
             assert is_part_of((word for word in words[:-1] if word != "unknown"), every), (words, every)
             live = one.margins[expected.name]
