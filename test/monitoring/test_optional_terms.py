@@ -137,7 +137,8 @@ def test_noise_is_no_curve(seed: int) -> None:
     windows, _ = cut_slips(drawn.noisy(1), drawn.gains)
     estimate = estimate_friction(windows)
     assert estimate is not None
-    assert estimate.curvature is None
+    # One that is none by its own error widens the others, and claims nothing.
+    assert estimate.curvature is None or abs(estimate.curvature.value) < 0.5 * estimate.curvature.std
     frequency = math.sqrt(drawn.joint.inertia / estimate["inertia"].value)
     assert frequency == pytest.approx(1.0, abs=0.03)
 

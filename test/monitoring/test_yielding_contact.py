@@ -126,8 +126,9 @@ def test_other_joints_on_springs(seed: int) -> None:
     estimate = monitor_of(recorded.batch, recorded.gains).learner.estimate
     assert estimate is not None
     assert not estimate.mismatch
-    assert estimate["inertia"].identified
-    assert estimate["stribeck"].identified
+    # Their valleys are bent: by their profiles the errors are up to 7 %.
+    for name in ("inertia", "stribeck"):
+        assert estimate[name].std < 0.1 * estimate[name].value
     assert_right(estimate, recorded.machine, set(NAMES) - {"coulomb"})
 
 
