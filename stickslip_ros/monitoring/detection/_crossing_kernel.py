@@ -97,6 +97,9 @@ _ROUNDING = 1e-10  # difference of two readings, of the largest reading: a small
 STEPS_OF_SPEED = 3.0  # step, bands: a larger one has a speed of its own
 _GAPS_OF_UPDATE = 16  # latest gaps that tell how often a sensor is read anew, 1
 _HOLD_LIMIT = 2.5  # gap, intervals of a sensor's update: in a longer one the joint stood
+_BEFORE_A_HOLD = 4  # crossings before a gap whose fastest motion tells how far the joint would have come, 1
+_AS_FAR = (0.6, 1.6)  # way, of that
+_ALL_OF_IT = 1.0 + 1e-9  # way of a speed in its gap, of the step
 _CROSSINGS_TO_LEAVE = 4  # crossings after the longest gap, 1: with fewer a low-speed interval has not ended
 CROSSINGS_TO_WAIT = (128, 512)  # crossings until a slip that gets no faster has ended it, 1: fine scale, coarse scale
 _NO_FASTER = 0.6  # speed, of the fastest motion since the longest gap: with less the slip gets no faster
@@ -212,6 +215,21 @@ def _first_update(between, detector):
     return usual if usual > _HOLD_LIMIT * between else between
 
 
+@helper()
+def _makes_up(step, gap, up, detector):
+    """Whether a step makes up for all of the gap before it: no joint comes back at once to where it would have been.
+
+    A sensor does, that was not read meanwhile. A slip of few samples is faster than all that lies between two slips.
+    """
+    fastest, n = 0.0, detector.head - 1
+    while n > max(0, detector.head - 1 - _BEFORE_A_HOLD):
+        speed = detector.crossings[n % RING, SPEED]
+        if (speed > 0.0) != up:
+            return False
+        fastest, n = max(fastest, abs(speed)), n - 1
+    return _AS_FAR[0] * fastest * gap <= step <= _AS_FAR[1] * fastest * gap
+
+
 @inlined()
 def _set_crossing(count, time, position, step, reference, effort, detector):
     """Append a crossing; ``step`` is the signed change of the reading since the last one."""
@@ -254,7 +272,7 @@ def _set_crossing(count, time, position, step, reference, effort, detector):
             seen = between <= _HOLD_LIMIT * detector.interval
             if seen and detector.update == 0.0:
                 detector.update = _first_update(between, detector)
-            held = gap <= _HOLD_LIMIT * detector.update
+            held = gap <= _HOLD_LIMIT * detector.update or _makes_up(abs(step), gap, step > 0.0, detector)
             elapsed = gap if held else max(time - detector.crossings[last, FLAT_END], detector.update)
             if seen:
                 # A running median, in steps of a tenth.
@@ -316,8 +334,8 @@ def _time_for_a_band(newest, detector):
     step = abs(detector.crossings[now, POSITION] - detector.crossings[gap, POSITION])
     lasted = detector.crossings[now, TIME] - detector.crossings[gap, TIME]
     flat = detector.crossings[gap, FLAT_END] - detector.crossings[gap, TIME]
-    # A flat of few updates before a large step is a sensor that repeats itself.
-    if step >= STEPS_OF_SPEED * band and flat <= (_HOLD_LIMIT - 1.0) * detector.update:
+    # A flat before a large step that took all of the gap is a sensor that repeats itself.
+    if step >= STEPS_OF_SPEED * band and abs(detector.crossings[now, SPEED]) * lasted <= _ALL_OF_IT * step:
         flat = 0.0
     return max(flat, lasted * band / max(step, band))
 
