@@ -27,6 +27,7 @@ from stickslip_ros.output.wording import (
 
 _LEAST_SHARE = 0.001  # that is told as a number
 _WHOLE_PERCENTS = 0.1  # a share from which on whole percents are enough
+_MOST = 0.5  # share of the moving time, 1: of a joint that was smooth for less it is not said that all is well
 _LEAST_TOLD = 1e-9  # way of a slip, rad: what is unseen below is rounding
 _MOST_NAMED = 5  # joints
 _SLOW_SHARE = 0.1  # share of the time of stick-slip, 1: what is shorter may be a start
@@ -145,7 +146,8 @@ def advice(joint: JointAnalysis) -> str:
         return ""
     if advised is None:
         if not matters(joint):
-            return "" if joint.status in NOT_JUDGED else _sentence(_nothing(_stands_at_turns(joint)))
+            judged = joint.status not in NOT_JUDGED and not _smooth_share(joint) < _MOST
+            return _sentence(_nothing(joint)) if judged else ""
         return f"No gains can be advised: {state.margin_reason or 'its friction is unknown'}."
     recommendation = state.recommendation
     if recommendation is not None and recommendation.keep:
@@ -254,14 +256,26 @@ def rests_on(joint: JointAnalysis) -> str:
 
 
 def smooth(joints: Sequence[JointAnalysis]) -> str:
-    """What is to be said of the joints that move smoothly throughout, a line for each kind; "" without any."""
-    found = [joint for joint in joints if joint.status is Status.SMOOTH and not matters(joint)]
-    lines = []
-    for stands in (False, True):
-        alike = [joint for joint in found if _stands_at_turns(joint) is stands]
-        names, where = ", ".join(joint.name for joint in alike), " between reversals" if stands else ""
-        lines += [f"{names}: smooth{where}, {_nothing(stands)}{_unseen(alike)}."] if alike else []
-    return "\n".join(lines)
+    """What is to be said of the joints that move smoothly throughout, a line for each text; "" without any."""
+    alike: dict[str, list[JointAnalysis]] = {}
+    for joint in joints:
+        if joint.status is Status.SMOOTH and not matters(joint):
+            alike.setdefault(_smooth(joint), []).append(joint)
+    return "\n".join(
+        f"{', '.join(joint.name for joint in found)}: smooth{text}{_unseen(found)}." for text, found in alike.items()
+    )
+
+
+def _smooth(joint: JointAnalysis) -> str:
+    """What is said after "smooth": where, and that nothing has to be done."""
+    share = _smooth_share(joint)
+    if share < _MOST:
+        return f" for {percent(share)} of its moving time; the rest could not be judged"
+    return f"{' between reversals' if _stands_at_turns(joint) else ''}, {_nothing(joint)}"
+
+
+def _smooth_share(joint: JointAnalysis) -> float:
+    return joint.time_in(Status.SMOOTH) / joint.moving_time
 
 
 def _stands_at_turns(joint: JointAnalysis) -> bool:
@@ -270,9 +284,9 @@ def _stands_at_turns(joint: JointAnalysis) -> bool:
     return record is not None and record.standing > 0.0
 
 
-def _nothing(stands: bool) -> str:
+def _nothing(joint: JointAnalysis) -> str:
     """That nothing has to be done; where the joint stands at its reversals, that this is so of stick-slip."""
-    return f"nothing has to be done{' against stick-slip' if stands else ''}"
+    return f"nothing has to be done{' against stick-slip' if _stands_at_turns(joint) else ''}"
 
 
 def _unseen(joints: Sequence[JointAnalysis]) -> str:

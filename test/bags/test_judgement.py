@@ -417,6 +417,23 @@ def test_a_joint_that_stands_at_its_reversals(play: float, said: str, tmp_path: 
     assert words.smooth([joint]).startswith(said)
 
 
+def test_a_joint_that_was_smooth_for_a_little_while(tmp_path: Path) -> None:
+    """Of 3.9 s of motion 0.9 were smooth, and the rest could not be judged: "nothing has to be done" was said."""
+    messages = []
+    times = 0.01 * np.arange(3000)
+    # Smooth for 9 s; then motions to and fro, each too short to be judged.
+    positions = np.where(times < 9.0, 0.1 * times, 0.9 - 0.01 * np.cos(8.0 * (times - 9.0)) + 0.01)
+    for time, position in np.stack([times, np.round(positions / 1e-5) * 1e-5], axis=1).tolist():
+        messages.append(("/joint_states", JOINT_STATE, time, joint_state(time, ["a"], position=[position])))
+        messages.append(("/joint_references", JOINT_STATE, time, joint_state(time, ["a"], position=[position + 1e-3])))
+    write_mcap(tmp_path / "a.mcap", messages)
+    joint = analyze(tmp_path / "a.mcap", WITHOUT_LEARNING).joints["a"]
+    assert joint.status is SMOOTH
+    said = words.smooth([joint])
+    assert re.match(r"a: smooth for \d+ % of its moving time; the rest could not be judged; slips of less", said), said
+    assert words.advice(joint) == ""
+
+
 def test_advice_for_one_of_two_speeds_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A joint that stuck at 6 mrad/s too was advised 7.5 N·m·s/rad, which end it at 20 mrad/s; 130 end it at both."""
     path = tmp_path / "a.mcap"
