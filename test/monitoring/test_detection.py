@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import nightly
+from scipy.signal import lfilter
 from support import SimulatedRecording, cycles_of, record
 
 from stickslip_ros.model.friction import Friction, Gains, Joint
@@ -260,3 +261,20 @@ def test_a_gentle_start_is_no_dip() -> None:
     monitor.process(Batch(time=time, position=1e-6 * np.round(position / 1e-6)))
     assert Status.AT_RISK not in {segment.status for segment in monitor.segments}
     assert monitor.finding().status is Status.SMOOTH
+
+
+@pytest.mark.parametrize("filtered", [0.01, 0.03, 0.1, 0.3])
+@pytest.mark.parametrize("led", [False, True])
+def test_a_filtered_velocity_hides_no_rest(filtered: float, led: bool) -> None:
+    """It has not come down to zero when the joint leaves: of 61 rests of 30 ms none was one, nor of 40 of 60 ms."""
+    time, generator = np.arange(0.0, 8.0, 0.001), np.random.default_rng(1)
+    for dwell, slip in ((0.03, 0.1), (0.06, 0.14)):
+        number, phase = np.divmod(time + generator.uniform(0.0, 0.02), dwell + slip)
+        share = np.clip((phase - dwell) / slip, 0.0, 1.0)
+        position = 0.011 * (number + share - np.sin(2.0 * np.pi * share) / (2.0 * np.pi))
+        kept = math.exp(-0.001 / filtered)
+        velocity = lfilter([1.0 - kept], [1.0, -kept], np.gradient(position, time))
+        reference = {"reference_position": 0.011 * time / (dwell + slip)} if led else {}
+        batch = Batch(time=time, position=1e-5 * np.round(position / 1e-5), velocity=velocity, **reference)
+        monitor = JointMonitor()
+        assert len(monitor.process(batch) + monitor.finish()) >= number[-1] - 2

@@ -516,6 +516,10 @@ class _RestSearch:
         measured = crossings[first : last + 1, kernel.SLOWEST]
         # Until its steps were seen, a velocity's resolution is not known, and a constant offset may be rest.
         pace = float(np.nanmin(measured)) - self._record.velocity_band if np.isfinite(measured).any() else math.nan
+        shows_its_course = rest_end - rest_begin > _SAMPLES_OF_A_COURSE * self._record.update
+        if shows_its_course and pace * (rest_end - rest_begin) > self._record.band + moved:
+            # The slowest that was measured is more than the position went on the whole: a filter comes down late.
+            pace = math.nan
         if pace > creep * slowest:
             return None
         crept_on = pace > _STANDING * slowest
