@@ -257,12 +257,12 @@ def rests_on(joint: JointAnalysis) -> str:
 
 def smooth(joints: Sequence[JointAnalysis]) -> str:
     """What is to be said of the joints that move smoothly throughout, a line for each text; "" without any."""
-    alike: dict[str, list[JointAnalysis]] = {}
+    by_text: dict[str, list[JointAnalysis]] = {}
     for joint in joints:
         if joint.status is Status.SMOOTH and not matters(joint):
-            alike.setdefault(_smooth(joint), []).append(joint)
+            by_text.setdefault(_smooth(joint), []).append(joint)
     return "\n".join(
-        f"{', '.join(joint.name for joint in found)}: smooth{text}{_unseen(found)}." for text, found in alike.items()
+        f"{', '.join(joint.name for joint in found)}: smooth{text}{_unseen(found)}." for text, found in by_text.items()
     )
 
 
