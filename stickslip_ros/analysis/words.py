@@ -146,8 +146,7 @@ def advice(joint: JointAnalysis) -> str:
         return ""
     if advised is None:
         if not matters(joint):
-            judged = joint.status not in NOT_JUDGED and not _smooth_share(joint) < _MOST
-            return _sentence(_nothing(joint)) if judged else ""
+            return "" if joint.status in NOT_JUDGED or _for_a_little_while(joint) else _sentence(_nothing(joint))
         return f"No gains can be advised: {state.margin_reason or 'its friction is unknown'}."
     recommendation = state.recommendation
     if recommendation is not None and recommendation.keep:
@@ -268,14 +267,15 @@ def smooth(joints: Sequence[JointAnalysis]) -> str:
 
 def _smooth(joint: JointAnalysis) -> str:
     """What is said after "smooth": where, and that nothing has to be done."""
-    share = _smooth_share(joint)
-    if share < _MOST:
-        return f" for {percent(share)} of its moving time; the rest could not be judged"
+    if _for_a_little_while(joint):
+        share = percent(joint.time_in(Status.SMOOTH) / joint.moving_time)
+        return f" for {share} of its moving time; the rest could not be judged"
     return f"{' between reversals' if _stands_at_turns(joint) else ''}, {_nothing(joint)}"
 
 
-def _smooth_share(joint: JointAnalysis) -> float:
-    return joint.time_in(Status.SMOOTH) / joint.moving_time
+def _for_a_little_while(joint: JointAnalysis) -> bool:
+    """Whether it moved smoothly, and for more of the time could not be judged."""
+    return joint.status is Status.SMOOTH and joint.time_in(Status.SMOOTH) < _MOST * joint.moving_time
 
 
 def _stands_at_turns(joint: JointAnalysis) -> bool:

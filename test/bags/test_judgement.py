@@ -434,6 +434,17 @@ def test_a_joint_that_was_smooth_for_a_little_while(tmp_path: Path) -> None:
     assert words.advice(joint) == ""
 
 
+def test_a_joint_that_never_moves_needs_nothing(tmp_path: Path) -> None:
+    """It has no moving time that could be shared."""
+    messages = [
+        ("/joint_states", JOINT_STATE, time, joint_state(time, ["a"], position=[0.5]))
+        for time in np.arange(0.0, 9.0, 0.01)
+    ]
+    write_mcap(tmp_path / "a.mcap", messages)
+    joint = analyze(tmp_path / "a.mcap", WITHOUT_LEARNING).joints["a"]
+    assert (joint.moving_time, words.advice(joint), words.smooth([joint])) == (0.0, "Nothing has to be done.", "")
+
+
 def test_advice_for_one_of_two_speeds_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A joint that stuck at 6 mrad/s too was advised 7.5 N·m·s/rad, which end it at 20 mrad/s; 130 end it at both."""
     path = tmp_path / "a.mcap"
