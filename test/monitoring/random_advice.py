@@ -93,14 +93,12 @@ def brute_force(case: AdviceCase, within: float = 9.0, points: int = 60) -> floa
     feasible &= (damping**2 <= squared) & (changes < within)
     order = sorted(np.argwhere(feasible).tolist(), key=lambda index: changes[tuple(index)])
     for row, column in order[:_CANDIDATES]:
-        # With a margin, the cycle dies with less damping too; a critical ratio is only known to a thousandth. Of hardly
-        # any damping a cycle may die by chance, and not with a little more or less.
+        # With a margin, the cycle dies with less damping too; a critical ratio is only known to a thousandth.
         less = wanted if limits.condition is Criterion.EXACT else 1.0
         stiffness, total = stiffnesses[row, column], totals[row, column]
         trial = Gains(stiffness=stiffness, damping=total / less - viscous)
         around = Gains(stiffness=stiffness, damping=total * _AROUND - viscous)
         steady = not limits.steady_sliding or outcomes(dimensionless_groups(joint, around, case.velocity)).steady.all()
-        tried = (dimensionless_groups(joint, one, case.velocity) for one in (trial, around))
-        if steady and not any(np.any(cycle_persists(groups)) for groups in tried):
+        if steady and cycle_persists(dimensionless_groups(joint, trial, case.velocity)) == 0.0:
             return float(changes[row, column])
     return math.inf

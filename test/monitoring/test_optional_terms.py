@@ -129,16 +129,25 @@ def test_a_curve_that_stands_for_a_flexible_load_is_not_sure() -> None:
 _MORE_SLIPS = pytest.mark.xfail(reason="rests of 20 ms, stamps 2.5 ms off: their noise passes for a curve (issue 38)")
 
 
+_BENT_VALLEY = pytest.mark.xfail(reason="a curve of 0.04 ± 0.4, since fits end in the deepest valley (issue 38)")
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [pytest.param(15, marks=[_MORE_SLIPS, pytest.mark.nightly]), 24, nightly(39)])
+@pytest.mark.parametrize(
+    "seed",
+    [
+        pytest.param(15, marks=[_MORE_SLIPS, pytest.mark.nightly]),
+        24,
+        pytest.param(39, marks=[_BENT_VALLEY, pytest.mark.nightly]),
+    ],
+)
 def test_noise_is_no_curve(seed: int) -> None:
     """With stray stamps and lost samples each of these had a curve, and up to three of six verdicts were wrong."""
     drawn = random_joint_recording(seed)
     windows, _ = cut_slips(drawn.noisy(1), drawn.gains)
     estimate = estimate_friction(windows)
     assert estimate is not None
-    # One that is none by its own error widens the others, and claims nothing.
-    assert estimate.curvature is None or abs(estimate.curvature.value) < 0.5 * estimate.curvature.std
+    assert estimate.curvature is None
     frequency = math.sqrt(drawn.joint.inertia / estimate["inertia"].value)
     assert frequency == pytest.approx(1.0, abs=0.03)
 

@@ -118,17 +118,19 @@ def test_a_joint_that_swings_on_its_contact_is_not_explained() -> None:
     assert "before it has come to rest" in estimate.mismatch
 
 
+_BENT_VALLEY = pytest.mark.xfail(reason="by its profile the error is 7 %, too much to be identified (issue 38)")
+
+
 @pytest.mark.nightly
-@pytest.mark.parametrize("seed", [3, 14])
+@pytest.mark.parametrize("seed", [pytest.param(3, marks=_BENT_VALLEY), 14])
 def test_other_joints_on_springs(seed: int) -> None:
     """Two random joints of which nothing was identified, at other rates, encoders and stiffnesses."""
     recorded = random_recording(seed, CONDITIONS["elastic_contact"])
     estimate = monitor_of(recorded.batch, recorded.gains).learner.estimate
     assert estimate is not None
     assert not estimate.mismatch
-    # Their valleys are bent: by their profiles the errors are up to 7 %.
-    for name in ("inertia", "stribeck"):
-        assert estimate[name].std < 0.1 * estimate[name].value
+    assert estimate["inertia"].identified
+    assert estimate["stribeck"].identified
     assert_right(estimate, recorded.machine, set(NAMES) - {"coulomb"})
 
 
