@@ -9,7 +9,7 @@ controller and viscous friction together, k_v + F_v, of which what lies below a 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -32,7 +32,7 @@ from stickslip_ros.monitoring.advice.limits import (
     crossover_frequency,
 )
 from stickslip_ros.monitoring.advice.recommendation import Kind, Recommendation, Variant, without_gains
-from stickslip_ros.monitoring.advice.requirement import Requirement, SteadySliding
+from stickslip_ros.monitoring.advice.requirement import DRAWS_TOLERANCE, Requirement, SteadySliding
 from stickslip_ros.monitoring.advice.resonance import damping_limits
 from stickslip_ros.monitoring.advice.search import AdviceSearch, Condition, Obstruction
 from stickslip_ros.monitoring.uncertainty import Uncertainty
@@ -41,7 +41,7 @@ _SEARCHES = 6  # at most, each with the factors of damping found at the ends of 
 _SAME_STIFFNESS = 0.03  # difference of logarithms: stiffnesses closer than this need the same factor of damping
 # Raising the damping until the integration agrees.
 _DAMPING_STEP, _DAMPING_STEPS = 1.25, 11  # factor of each step; steps: to ten times the damping
-_BISECTIONS, _BISECTIONS_OF_DRAWS = 3, 6  # of the last step: to 3 %, and 0.4 %, of the damping
+_BISECTIONS = 3  # of the last step: to 3 % of the damping
 _MOST_DAMPING = 100.0  # factor on the damping that stands for no damping at all that would do at a stiffness
 _STEADY_FACTORS = (0.97, 1.0, 1.1, 1.25)  # on the total damping, all to be steady: no lucky gains
 _RESERVE_TOLERANCE = 1e-4  # relative, of the critical ratio in a reported reserve: below what is printed
@@ -263,17 +263,23 @@ class _Case:
         It is at least ``required``, and infinite if not even ten times that will do.
         """
         own = float(self._joint.own_damping(stiffness))
+        here = np.array([stiffness])
+        needed = [float(one.damping(here, DRAWS_TOLERANCE)[0]) for one in self._draws]
+        least = max([required, *(damping + own for damping in needed)])
 
-        def drawn(total: float) -> bool:
-            gains = Gains(stiffness=stiffness, damping=total - own)
-            return all(self._reaches(requirement, gains) for requirement in self._draws)
-
-        def verified(total: float) -> bool:
+        def enough(total: float) -> bool:
             return self._verified(Gains(stiffness=stiffness, damping=total - own))
 
-        # Of draws alone first, which takes a tenth of the time.
-        least = _least_reached(drawn, required, _BISECTIONS_OF_DRAWS)
-        return _least_reached(verified, least, _BISECTIONS) if math.isfinite(least) else least
+        if not math.isfinite(least) or enough(least):
+            return least
+        inside = next(
+            (least * _DAMPING_STEP**step for step in range(1, _DAMPING_STEPS) if enough(least * _DAMPING_STEP**step)),
+            math.inf,
+        )
+        if math.isinf(inside):
+            return inside
+        inside, _ = bisected(enough, inside, inside / _DAMPING_STEP, _BISECTIONS)
+        return inside
 
     def _reason_without_gains(self, kind: Kind, search: AdviceSearch) -> str:
         """Reason why damping or stiffness alone does not do."""
@@ -443,12 +449,3 @@ def _percent(reserve: float) -> str:
     if reserve >= 0:
         return f"with a damping reserve of {100 * reserve:.0f} %"
     return f"where {-100 * reserve:.0f} % of the damping needed is missing"
-
-
-def _least_reached(holds: Callable[[float], bool], least: float, bisections: int) -> float:
-    """Least total damping, at least so much, with which something holds; infinite if not even ten times that does."""
-    for step in range(_DAMPING_STEPS):
-        tried = least * _DAMPING_STEP**step
-        if holds(tried):
-            return bisected(holds, tried, tried / _DAMPING_STEP, bisections)[0] if step else tried
-    return math.inf

@@ -25,6 +25,7 @@ _LEAST_RATIO = 1e-6  # damping ratio: without any damping no oscillation decays
 _LARGEST_LAG = 2.0 * math.pi  # τ* [1]: one natural period; the exact ratio is verified up to that
 _ROUNDING = 1e-9  # relative, of the damping: the least damping itself satisfies
 _TOLERANCE = 2e-4  # relative, of the bisected critical ratio
+DRAWS_TOLERANCE = 5e-3  # the same for draws, of which the confidence takes one
 # Speeds between the slowest and the fastest, at which the joint shall be smooth; the exact condition costs more.
 _SPEEDS, _EXACT_SPEEDS = 16, 8
 _FASTEST = 30.0  # times the Stribeck velocity: no joint sticks above that is smooth at lower speeds
@@ -53,15 +54,17 @@ class Requirement:
         self._wanted = 1.0 + limits.wanted_margin
         self.speeds = speeds_needed(joint, velocity, limits)
 
-    def damping(self, stiffness: FloatArray) -> FloatArray:
-        """Least k_v [N·m·s/rad] at stiffnesses k_p [N·m/rad] of shape (n,); infinite where no damping will do."""
-        # Twice the error of a critical ratio that is bisected.
-        more = 2.0 * _TOLERANCE if self.exact else _ROUNDING
+    def damping(self, stiffness: FloatArray, tolerance: float = _TOLERANCE) -> FloatArray:
+        """Least k_v [N·m·s/rad] at stiffnesses k_p [N·m/rad] of shape (n,); infinite where no damping will do.
+
+        ``tolerance`` : relative, of a critical ratio that is bisected; twice as much more damping is required.
+        """
+        more = 2.0 * tolerance if self.exact else _ROUNDING
         stiffnesses = stiffness[:, None, None] * self._ratios[None, :, None]
         draws = _with_axis(self._joint)
         with np.errstate(all="ignore"):
             groups = dimensionless_groups(draws, Gains(stiffness=stiffnesses), self.speeds)
-            critical = self._critical(groups)
+            critical = self._critical(groups, tolerance)
             ratio = np.maximum(self._wanted * (1.0 + more) * critical, _LEAST_RATIO)
             needed = np.max(damping_for_ratio(draws, stiffnesses, ratio), axis=2)
         needed = np.where(np.isnan(needed), math.inf, needed)
@@ -89,13 +92,13 @@ class Requirement:
             dies = np.all(persists == 0.0, axis=2)
         return np.asarray(np.mean(dies, axis=1) >= self._share)
 
-    def _critical(self, groups: DimensionlessGroups) -> FloatArray:
+    def _critical(self, groups: DimensionlessGroups, tolerance: float) -> FloatArray:
         if not self.exact:
             critical = np.asarray(critical_damping_ratio(groups), dtype=float)
             return np.where(np.asarray(groups.lag) <= _LARGEST_LAG, critical, math.nan)
         return _where_lag_is_short(
             groups,
-            lambda few: np.asarray(exact_critical_damping_ratio(few, tolerance=_TOLERANCE), dtype=float),
+            lambda few: np.asarray(exact_critical_damping_ratio(few, tolerance=tolerance), dtype=float),
             math.nan,
         )
 
