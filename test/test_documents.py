@@ -43,7 +43,11 @@ from stickslip_ros.settings.parameter_table import COMMON, OF_THE_NODE, PER_JOIN
 pytestmark = pytest.mark.slow
 
 FOLDERS = ("docs", "config", "examples")
-AT_NIGHT = ("docs/tutorial_without_ros2.md",)  # half a minute of a core, for the steps of docs/tutorial.md once more
+# They take half of the time of all documents; by day their commands are read, not run.
+AT_NIGHT = (
+    "docs/tutorial_without_ros2.md", "docs/recordings.md", "docs/how_to/analyse_a_fleet.md",
+    "docs/how_to/it_sticks_when_it_turns.md",
+)  # fmt: skip
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *(path for name in FOLDERS for path in (ROOT / name).rglob("*.md"))])
 BLOCK = re.compile(
     r"^(?P<indent> *)(?:<!-- test: (?P<how>.+?) -->\n\s*)?```(?P<language>\w+)\n(?P<code>.*?)\n *```$",
@@ -90,6 +94,19 @@ def environment(tmp_path: Path, ros_domain: int) -> dict[str, str]:
     stand_in.chmod(0o755)
     path = f"{tools}:{Path(sys.executable).parent}:{os.environ['PATH']}"
     return {**os.environ, "PATH": path, "COLUMNS": "120"}
+
+
+@pytest.mark.parametrize("name", AT_NIGHT)
+def test_commands_of_the_night_are_understood(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Issue 35: a command of a document that is run at night alone has options that exist."""
+    monkeypatch.chdir(tmp_path)
+    code = "\n".join(block.code for block in blocks(ROOT / name) if block.language == "sh").replace("\\\n", " ")
+    for folder in " ".join(re.findall(r"^mkdir -p (.*)", code, re.MULTILINE)).split():
+        Path(folder).mkdir(parents=True)
+    commands = re.findall(r"^stickslip ([^#\n|&;]*)", code, re.MULTILINE)
+    assert commands
+    for command in commands:
+        build_parser().parse_args(shlex.split(command))
 
 
 @contextmanager

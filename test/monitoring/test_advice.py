@@ -278,7 +278,10 @@ def test_a_slow_recording_is_not_a_slow_controller(puma: Joint) -> None:
 
 
 def test_no_gains_are_advised_from_a_guess() -> None:
-    """Issue 36, items 3, 4 and 6: half cosines of 16 mrad without noise, positions alone: no friction can be told."""
+    """Issue 36, items 3, 4 and 6: half cosines of 16 mrad without noise, positions alone: no friction can be told.
+
+    Nor is there a margin then: of a joint that stuck, a reserve of +45 % was in a table.
+    """
     count = np.arange(2000)
     risen = 0.5 * (1.0 - np.cos(np.pi * np.clip((count % 80 - 50) / 30.0, 0.0, 1.0)))
     monitor = JointMonitor()
@@ -287,10 +290,10 @@ def test_no_gains_are_advised_from_a_guess() -> None:
     state = monitor.assessment()
     assert state.estimate is not None
     assert state.estimate.is_a_guess
-    assert state.recommended is not None
-    assert not state.recommended.found
-    assert state.recommended.reason == (
-        "no advice: the friction could not be determined from this motion; "
+    assert state.recommended is None
+    assert state.margin is None
+    assert state.margin_reason == (
+        "the friction could not be determined from this motion; "
         "record the effort, or the reference beside the controller's gains"
     )
 
@@ -630,7 +633,7 @@ def test_advice_is_no_loop_that_runs_away(puma: Joint) -> None:
     [
         (300.0, OperatingConditions(), None),
         (0.0, OperatingConditions(controller_period=0.004, control_delay=True), None),
-        (0.0, OperatingConditions(), Transmission(resonance=15.0, antiresonance=11.0)),
+        nightly(0.0, OperatingConditions(), Transmission(resonance=15.0, antiresonance=11.0)),
     ],
     ids=["integral", "late", "two masses"],
 )

@@ -53,7 +53,8 @@ def found(kinetic: np.ndarray, *where: np.ndarray) -> DryFriction:
 @pytest.mark.parametrize(
     ("count", "evenly", "both", "draws"),
     [
-        (13, False, True, 100), (13, True, False, 100), (40, False, False, 100), (40, True, True, 100),
+        (13, False, True, 100), (13, True, False, 100),
+        nightly(40, False, False, 100), nightly(40, True, True, 100),
         *(nightly(*case, 400) for case in itertools.product((13, 40), (False, True), (False, True))),
     ],
 )  # fmt: skip
@@ -242,7 +243,7 @@ MACHINE = Machine(
 
 @pytest.mark.parametrize(
     "machine",
-    [MACHINE, replace(MACHINE, drift=0.1 / 60.0), nightly(replace(MACHINE, ripple=0.08, ripples=20.0))],
+    [MACHINE, nightly(replace(MACHINE, drift=0.1 / 60.0)), nightly(replace(MACHINE, ripple=0.08, ripples=20.0))],
     ids=["as it should be", "drift", "ripple"],
 )
 def test_a_simulated_machine(machine: Machine) -> None:

@@ -98,7 +98,7 @@ def test_random_joints_are_identified() -> None:
     assert np.mean(covered) >= 0.9
 
 
-@pytest.mark.parametrize("seed", [2028, 2014, nightly(2012)])
+@pytest.mark.parametrize("seed", [2028, nightly(2014), nightly(2012)])
 def test_uneven_stamps_are_no_misfit(seed: int) -> None:
     """Stamps are off by up to half a period. Jitter counted for too little, so that the friction "did not fit"; or what
     it makes of the force at a breakaway was kinetic friction that "varies by 12 %".
@@ -210,7 +210,7 @@ def test_noisy_effort_leads_to_one_friction(seed: int) -> None:
     assert np.median(moved) < 1.0
 
 
-@pytest.mark.parametrize("late", [0, 1])
+@pytest.mark.parametrize("late", [0, nightly(1)])
 def test_an_effort_that_comes_late_leaves_viscous_friction_open(puma: Joint, late: int) -> None:
     """By a sample of 4 ms, k_p τ was added to viscous friction, which was "identified" 17 standard errors off."""
     batch, effort = two_speeds(puma, GAINS)

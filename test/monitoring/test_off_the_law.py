@@ -213,7 +213,7 @@ def test_a_value_far_too_low_is_no_more_certain_for_being_low() -> None:
 
 
 @pytest.mark.parametrize(
-    ("condition", "seed"), [("drift", 0), nightly("triangle", 2), ("load_both_ways", 3), ("base", 3)]
+    ("condition", "seed"), [("drift", 0), nightly("triangle", 2), nightly("load_both_ways", 3), ("base", 3)]
 )
 def test_intervals_hold_off_the_law(condition: str, seed: int) -> None:
     """Issue 18: an interval that is printed holds, whatever the machine."""

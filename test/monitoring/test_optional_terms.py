@@ -46,7 +46,7 @@ def off(estimate: FrictionEstimate, name: str, truth: float) -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("curvature", [0.5, -0.4])
+@pytest.mark.parametrize("curvature", [nightly(0.5), -0.4])
 def test_curved_friction_is_told(puma: Joint, curvature: float) -> None:
     """Stribeck friction and lag were several per cent and many errors off, and identified."""
     straight = Machine.of(puma)
