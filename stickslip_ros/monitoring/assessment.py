@@ -88,21 +88,15 @@ class AdviceQuestion:
         slower, faster = sorted((abs(self.velocity), abs(other.velocity)))
         return self.of_the_same_controller(other) and faster <= _COMPARABLE * slower
 
-    def about_the_same(self, other: AdviceQuestion) -> bool:
-        """Whether both are about the same joint, gains and limits, at whatever speed."""
+    def similar(self, other: AdviceQuestion) -> bool:
+        """Whether the answer to the one answers the other."""
+        mine, its = self.loop, other.loop
         return (
             self.joint is other.joint
             and self.gains == other.gains
             and self.uncertainty is other.uncertainty
             and self.of_the_same_controller(other)
-        )
-
-    def similar(self, other: AdviceQuestion, speeds: float = _SAME_ADVICE_SPEED) -> bool:
-        """Whether the answer to the one answers the other: at speeds that differ by no more than a share."""
-        mine, its = self.loop, other.loop
-        return (
-            self.about_the_same(other)
-            and _near(self.velocity, other.velocity, speeds)
+            and _near(self.velocity, other.velocity, _SAME_ADVICE_SPEED)
             and _near(mine.sample_rate, its.sample_rate, _SAME_RATE)
             and _near(mine.ring, its.ring, _SAME_RATE)
             and _near(mine.position_noise, its.position_noise, _SAME_ERROR)

@@ -49,7 +49,6 @@ from stickslip_ros.visible import visible
 _APART = 10.0  # time between two lines on a joint, s: a person reads the log
 _FURTHEST_APART = 600.0  # limit of that time, s: it doubles while the status goes on changing
 _CALM = tuple(one.value for one in Status if one not in (Status.STICK_SLIP, Status.AT_RISK))
-_REQUEST_EVERY = 10.0  # time between two questions on a joint, s: each takes a second of the slow process
 _LATCHED = QoSProfile(depth=64, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 Question = TypeVar("Question")
 Answer = TypeVar("Answer")
@@ -316,7 +315,7 @@ class WhileListened(Generic[Question, Answer]):
         known = self._answers.latest(name)
         if known is None and one.assessment.finding.status not in WORTH_CHANGING:
             return None
-        if one.silent_for is not None or self._answers.age(name, now) < _REQUEST_EVERY:
+        if one.silent_for is not None or not self._answers.is_due(name, now):
             return None
         question = self._question(name, one)
         return None if known is not None and question is not None and self._similar(known[0], question) else question

@@ -41,9 +41,7 @@ _LAST_WAIT = 0.5  # wait for the pool to close, s: it takes milliseconds
 Key = tuple[str, str]
 Question = TypeVar("Question")
 Answer = TypeVar("Answer")
-_CHANGED_SPEED = 5.0  # time between two questions that differ in speed alone, s: a speed that ramps is no new case
-_SCATTER = 0.05  # change of the speed, 1: the mean speed of a few cycles scatters by no more
-_SCATTERED_SPEED = 60.0  # time between two questions whose speeds differ by the scatter, s: the advice is the same
+_SHARE = 0.1  # of a core, 1: what answers take at most that are to follow friction and speed, which change all the time
 _KIND = "study"
 
 
@@ -198,21 +196,27 @@ class Background(Generic[Question, Answer]):
         self._work, self._kind, self._answer = work, kind, answer
         self._answers: dict[str, tuple[Question, Answer]] = {}
         self._submitted_at: dict[str, float] = {}
+        self._took: dict[str, float] = {}
 
     def latest(self, name: str) -> tuple[Question, Answer] | None:
         """The last question of this name that was answered, and its answer."""
         done = self._work.pop_result((self._kind, name))
-        if done is not None and done[1] is not None:
-            self._answers[name] = done
+        if done is not None:
+            self._took[name] = monotonic() - self._submitted_at[name]
+            if done[1] is not None:
+                self._answers[name] = done
         return self._answers.get(name)
 
     def under_way(self, name: str) -> bool:
         """Whether a question of this name is being answered."""
         return self._work.is_under_way((self._kind, name))
 
-    def age(self, name: str, now: float) -> float:
-        """Time since a question of this name was submitted [s]; infinite before the first."""
-        return now - self._submitted_at.get(name, -math.inf)
+    def is_due(self, name: str, now: float) -> bool:
+        """Whether what has changed slightly is to be asked again: all such answers together take a tenth of a core.
+
+        An answer that waits for those of other joints took that much longer.
+        """
+        return now - self._submitted_at.get(name, -math.inf) >= self._took.get(name, 0.0) / _SHARE
 
     def submit(self, name: str, question: Question, now: float) -> None:
         """Begin to answer a question, unless one of this name is under way: it is then to be submitted again.
@@ -221,8 +225,8 @@ class Background(Generic[Question, Answer]):
         ----------
         now : a steady time [s].
         """
-        self._submitted_at[name] = now
-        self._work.submit((self._kind, name), self._answer, question)
+        if self._work.submit((self._kind, name), self._answer, question):
+            self._submitted_at[name] = now
 
 
 class AdviceWorker:
@@ -238,15 +242,13 @@ class AdviceWorker:
             known = self._background.latest(name)
             if known is not None and known[0].similar(question):
                 return known[1]
-            now = monotonic()
-            rest = 0.0
-            if known is not None and known[0].about_the_same(question):
-                rest = _SCATTERED_SPEED if known[0].similar(question, _SCATTER) else _CHANGED_SPEED
-            if self._background.age(name, now) >= rest:
-                self._background.submit(name, question, now)
             # Learning changes the friction with every slip, and the speed may never be the same twice. While the
             # gains are the same, the latest advice is the best there can be.
-            return known[1] if known is not None and known[0].comparable(question) else None
+            advice = known[1] if known is not None and known[0].comparable(question) else None
+            now = monotonic()
+            if advice is None or self._background.is_due(name, now):
+                self._background.submit(name, question, now)
+            return advice
 
         return latest
 
@@ -278,9 +280,7 @@ class ExactWorker:
             self._background.submit(name, question, now)
             return NOT_COMPUTED
         before, verdict = known
-        if not before.answers(question) and (
-            before.joint != question.joint or self._background.age(name, now) >= _CHANGED_SPEED
-        ):
+        if not before.answers(question) and self._background.is_due(name, now):
             self._background.submit(name, question, now)
         # Learning changes the friction with every slip; the latest verdict is the best there can be.
         return verdict if before.at_the_same_speed(question) else NOT_COMPUTED
