@@ -46,7 +46,7 @@ FOLDERS = ("docs", "config", "examples")
 # They take half of the time of all documents; by day their commands are read, not run.
 AT_NIGHT = (
     "docs/tutorial_without_ros2.md", "docs/recordings.md", "docs/how_to/analyse_a_fleet.md",
-    "docs/how_to/it_sticks_when_it_turns.md",
+    "docs/how_to/it_sticks_when_it_turns.md", "docs/how_to/record_a_good_bag.md",
 )  # fmt: skip
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *(path for name in FOLDERS for path in (ROOT / name).rglob("*.md"))])
 BLOCK = re.compile(

@@ -14,6 +14,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 import pytest
+from conftest import nightly
 from support_bags import JOINT_STATE, joint_state, read_joint, simulated_bag, write_mcap
 
 from stickslip_ros.cli.main import main
@@ -236,7 +237,7 @@ def _damage(path: Path, random: np.random.Generator, capsys: pytest.CaptureFixtu
         assert "Traceback" not in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("compression", ["none", "bz2", "lz4"])
+@pytest.mark.parametrize("compression", ["none", nightly("bz2"), "lz4"])
 def test_bags_of_ros_1(compression: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Joint states and a controller's state with desired, actual and error, as rosbag wrote them."""
     from rosbags.rosbag1 import Writer

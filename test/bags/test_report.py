@@ -104,6 +104,7 @@ def test_the_page_in_a_browser(report: Path) -> None:
         assert page.complaints() == []
 
 
+@pytest.mark.nightly
 def test_the_page_on_a_phone_and_on_paper(report: Path) -> None:
     """Issue 6, item 4: nothing is wider than a phone; on paper colours are light and the page has all plots."""
     with browser() as page:

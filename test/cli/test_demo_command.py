@@ -58,7 +58,7 @@ def test_the_main_job(ros_domain: int, tmp_path: Path) -> None:
     assert processes_on(ros_domain) == []
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, nightly(signal.SIGTERM), signal.SIGKILL])
+@pytest.mark.parametrize("number", [signal.SIGINT, nightly(signal.SIGTERM), nightly(signal.SIGKILL)])
 def test_interrupted_it_leaves_no_process_behind(ros_domain: int, tmp_path: Path, number: signal.Signals) -> None:
     """Issue 2: Ctrl-C (or worse) ends the nodes too."""
     process = subprocess.Popen(
@@ -76,6 +76,7 @@ def test_interrupted_it_leaves_no_process_behind(ros_domain: int, tmp_path: Path
         time.sleep(0.05)
 
 
+@pytest.mark.nightly
 def test_a_recorded_joint(ros_domain: int, tmp_path: Path) -> None:
     """Issue 2: `stickslip demo --recording` shows a real machine."""
     picture = tmp_path / "slider.png"

@@ -20,7 +20,8 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.mark.parametrize(
-    ("name", "number"), [("a.mcap", signal.SIGTERM), nightly("folder", signal.SIGTERM), ("folder", signal.SIGINT)]
+    ("name", "number"),
+    [nightly("a.mcap", signal.SIGTERM), nightly("folder", signal.SIGTERM), ("folder", signal.SIGINT)],
 )
 def test_nothing_is_left(name: str, number: signal.Signals, tmp_path: Path) -> None:
     """Neither a file nor a folder; the exit status is the signal's."""
@@ -81,7 +82,7 @@ sys.exit(main())
 """
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [nightly(signal.SIGINT), nightly(signal.SIGTERM), signal.SIGHUP])
 def test_work_without_steps_ends_all_the_same(number: signal.Signals, tmp_path: Path) -> None:
     """Issue 35: where nothing asks whether a signal came, the process ends after two seconds, and nothing is left."""
     command = [sys.executable, "-c", _LONG, str(tmp_path / "a.json")]

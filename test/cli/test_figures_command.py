@@ -41,6 +41,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.mark.nightly
 def test_every_figure_in_three_forms(folder: Path) -> None:
     """Issue 3: Figs 1, 5, 6, 8, 9, 11, 12, 13 and 14 as PNG and SVG with the data as CSV, and nothing else."""
     expected = {f"figure_{number:02d}.{ending}" for number in FIGURES for ending in ("png", "svg", "csv")}

@@ -74,7 +74,7 @@ def test_one_of_several_joints_is_moved(ros_domain: int, capsys: pytest.CaptureF
 @pytest.mark.parametrize(
     ("parameters", "joint", "said"),
     [
-        ({"manner": "ignore"}, "elbow", "elbow does not move and is 0.0"),
+        nightly({"manner": "ignore"}, "elbow", "elbow does not move and is 0.0"),
         (
             {"refuse_all": "true"},
             "elbow",
@@ -87,7 +87,7 @@ def test_one_of_several_joints_is_moved(ros_domain: int, capsys: pytest.CaptureF
         nightly(
             {"joints": "[shoulder, wrist]"}, "elbow", f"elbow is none of the joints of {CONTROLLER}: shoulder, wrist"
         ),
-        ({"joints": "[shoulder, elbow, tail]"}, "elbow", "joint_states, of these joints"),
+        nightly({"joints": "[shoulder, elbow, tail]"}, "elbow", "joint_states, of these joints"),
         ({"joints": "7"}, "elbow", f"{CONTROLLER} has no parameter 'joints'"),
     ],
 )
@@ -114,23 +114,24 @@ def test_a_refusal_is_noticed_soon(ros_domain: int, capsys: pytest.CaptureFixtur
     assert took < LIMIT  # most of it to find the controller, and to see the joint stand
 
 
-def test_ctrl_c_leaves_no_joint_moving(ros_domain: int) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, nightly(signal.SIGTERM)])
+def test_ctrl_c_leaves_no_joint_moving(ros_domain: int, number: signal.Signals) -> None:
     """Issue 15: Ctrl-C, and an end from outside, in the middle of the way: the joint stands where it is."""
-    for number in (signal.SIGINT, signal.SIGTERM):
-        with robot():
-            command = [sys.executable, "-m", "stickslip_ros.cli.main", *LADDER[:-4], "--step-time", "15", "--rest", "1"]
-            with begun([*command, "--on", "elbow"], stderr=subprocess.PIPE, text=True) as experiment:
-                until = time.monotonic() + LIMIT
-                while positions(0.1)[-1, 1] < 0.52:
-                    assert time.monotonic() < until, "waited for the joint to move"
-                experiment.send_signal(number)
-                assert experiment.wait(LIMIT) == 130
-            stands = positions(1.0)
-            assert np.ptp(stands, axis=0).max() < 1e-3
-            # It is told to stand where it was seen last, which on a busy machine is some time ago.
-            assert stands[-1, 1] > 0.51
+    with robot():
+        command = [sys.executable, "-m", "stickslip_ros.cli.main", *LADDER[:-4], "--step-time", "15", "--rest", "1"]
+        with begun([*command, "--on", "elbow"], stderr=subprocess.PIPE, text=True) as experiment:
+            until = time.monotonic() + LIMIT
+            while positions(0.1)[-1, 1] < 0.52:
+                assert time.monotonic() < until, "waited for the joint to move"
+            experiment.send_signal(number)
+            assert experiment.wait(LIMIT) == 130
+        stands = positions(1.0)
+        assert np.ptp(stands, axis=0).max() < 1e-3
+        # It is told to stand where it was seen last, which on a busy machine is some time ago.
+        assert stands[-1, 1] > 0.51
 
 
+@pytest.mark.nightly
 def test_another_trajectory_is_not_judged_as_ours(ros_domain: int) -> None:
     """Issue 15: somebody sends the controller another trajectory meanwhile: the experiment says so and ends."""
     from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint

@@ -139,6 +139,7 @@ def test_a_hunt_that_presliding_ends(capsys: pytest.CaptureFixture[str]) -> None
     assert "rigid_contact" not in json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.nightly
 def test_slips_one_way_are_no_hunting(capsys: pytest.CaptureFixture[str]) -> None:
     """Issue 23: limits and verdict are of one piece; a loop that is unstable does not hunt by eight thousand mrad."""
     given = ["margin", "--model", "puma560_joint1", "--stiffness", "630", "--velocity", "0", "--integral"]

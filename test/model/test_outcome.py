@@ -10,6 +10,7 @@ import brute_force
 import numpy as np
 import pytest
 from brute_force import FROM_REST
+from conftest import nightly
 from random_points import at, groups_of, judge, random_joints
 from test_brute_force import ISSUE
 
@@ -42,7 +43,7 @@ def _groups(point: np.ndarray) -> DimensionlessGroups:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("share", [0.94, 1.06])
-@pytest.mark.parametrize("boundary", ["critical", "steady"])
+@pytest.mark.parametrize("boundary", [nightly("critical"), "steady"])
 def test_random_joints_at_their_boundaries(boundary: str, share: float) -> None:
     """Issue 19, what shows it: what is called steady is, what is called smooth does not stick, by brute force."""
     points = random_joints(JOINTS_JUDGED, seed=19).points(0.1)

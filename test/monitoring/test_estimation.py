@@ -234,7 +234,9 @@ def test_feed_forward_is_seen_in_the_effort(puma: Joint) -> None:
     assert estimate.coulomb_and_load.value - 3.0 == pytest.approx(8.43, rel=0.02)
 
 
-@pytest.mark.parametrize(("factor", "why"), [(math.pi / 180.0, "per degree and per radian?"), (1.3, "other units")])
+@pytest.mark.parametrize(
+    ("factor", "why"), [(math.pi / 180.0, "per degree and per radian?"), nightly(1.3, "other units")]
+)
 def test_an_effort_that_contradicts_the_gains_is_said(puma: Joint, factor: float, why: str) -> None:
     """Issues 36 and 38: k_p per degree, or 30 % above the true one, beside the true effort: friction was "identified"
     at 1.3 times its size, or "varied" by 38 %. Nothing is certain then, and the gains' friction is not bent by it.
@@ -265,7 +267,7 @@ def test_an_effort_that_differs_little_from_the_gains_widens_the_errors(puma: Jo
         assert found[name].identified, name
 
 
-@pytest.mark.parametrize("slope", [0.0, -630.0])
+@pytest.mark.parametrize("slope", [nightly(0.0), -630.0])
 def test_an_effort_that_is_no_controllers_is_left_out(puma: Joint, slope: float) -> None:
     """Issue 38: a torque sensor behind the friction stays at its load while the controller pulls ever more."""
     batch, _ = two_speeds(puma, GAINS)

@@ -79,6 +79,7 @@ def test_effort_alone_tells_of_creep_too(puma: Joint) -> None:
     assert_right(estimate, machine, {"inertia", "stribeck", "stribeck_velocity"})
 
 
+@pytest.mark.nightly
 def test_gains_that_change_beside_a_contact_that_yields(puma: Joint) -> None:
     """The controller's delay is fitted then too, by what is compiled already: arrays that lay the other way round in
     memory had the simulation of slips compiled a second time.
