@@ -46,7 +46,10 @@ SENTENCES: list[tuple[Reason | None, str]] = [
     (Stuck(duration=9.25, travel=0.09876), "stuck for 9.2 s while the reference moved by 0.0988 rad"),
     (Reversing(), "reversing"),
     (TooShort(moving=0.9984, needed=2.345), "only 0.998 s of motion without a stop, 2.35 s are needed"),
-    (StopsAndGoes(), "stops and goes; publish the reference that moves it to tell commanded stops from sticking"),
+    (
+        StopsAndGoes(),
+        "stops and goes while no reference moves; publish the joint's own to tell commanded stops from sticking",
+    ),
     (
         NotFollowing(share=-0.512),
         "moves 0.51 times as far as its reference, the other way: check that the reference is this joint's own, "

@@ -172,7 +172,9 @@ def reason_text(finding: Finding) -> str:
         case reasons.TooShort(moving=moving, needed=needed):
             return f"only {moving:.3g} s of motion without a stop, {needed:.3g} s are needed"
         case reasons.StopsAndGoes():
-            return "stops and goes; publish the reference that moves it to tell commanded stops from sticking"
+            return (
+                "stops and goes while no reference moves; publish the joint's own to tell commanded stops from sticking"
+            )
         case reasons.NotFollowing(share=share):
             way = f"moves {abs(share):.2g} times as far as its reference{', the other way' if share < 0.0 else ''}"
             return f"{way}: check that the reference is this joint's own, in its unit"

@@ -225,7 +225,7 @@ def test_slips_of_a_stroke_outweigh_a_smooth_return(
     assert main(["analyze", bag, "--no-learning"]) in (0, 2)
     said = capsys.readouterr().out
     assert "othing has to be done" not in said
-    assert "publish the reference that moves it to tell commanded stops from sticking" in said
+    assert "publish the joint's own to tell commanded stops from sticking" in said
 
 
 def test_the_share_is_of_moving_time() -> None:
@@ -344,7 +344,7 @@ def test_a_joint_that_is_pushed_now_and_then_has_a_reason(tmp_path: Path, capsys
         messages.append(("/joint_references", JOINT_STATE, time, joint_state(time, ["a"], position=[0.0])))
     write_mcap(tmp_path / "a.mcap", messages)
     main(["analyze", str(tmp_path / "a.mcap"), "--no-learning"])
-    assert "not judged, stops and goes; publish the reference that moves it" in capsys.readouterr().out
+    assert "not judged, stops and goes while no reference moves; publish the joint's own" in capsys.readouterr().out
 
 
 def test_motions_that_are_too_short_are_told_by_the_longest(tmp_path: Path) -> None:

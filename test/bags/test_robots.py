@@ -383,6 +383,6 @@ def test_a_person_moves_an_arm(tmp_path: Path, capsys: pytest.CaptureFixture[str
     path = in_order(tmp_path / "bag.mcap", motion("/joint_states", by_hand, seconds=60.0, names=("joint1", "joint2")))
     main(["analyze", str(path), "--no-learning"])
     out = capsys.readouterr().out
-    assert "not judged, stops and goes; publish the reference" in out
+    assert "not judged, stops and goes while no reference moves; publish" in out
     assert "sticking: joint1, joint2" in out
     assert "stick_slip" not in out
