@@ -19,7 +19,7 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 from multiprocessing.process import BaseProcess
 from threading import Thread
-from time import monotonic
+from time import monotonic, process_time
 from typing import Any, Generic, TypeVar
 
 from stickslip_ros.compilation import without_linear_algebra
@@ -113,7 +113,7 @@ class SlowWork:
         others = multiprocessing.active_children() if not self._processes else []
         try:
             with contextlib.nullcontext() if self._processes else without_interrupts():
-                future = self._pool.submit(function, question)
+                future = self._pool.submit(_timed, function, question)
             self._running[key] = _Running(question, future, self._pool, monotonic())
             if not self._processes:
                 # The first question begins the process; no other process is begun meanwhile.
@@ -131,16 +131,17 @@ class SlowWork:
             return False
         return True
 
-    def pop_result(self, key: Key) -> tuple[Any, Any] | None:
-        """Question and answer of this key, once, the answer being None after an error; None if its question is under
-        way, or there is none.
+    def pop_result(self, key: Key) -> tuple[Any, Any, float] | None:
+        """Question and answer of this key, once, and what the answer took of a core [s].
+
+        The answer is None after an error; all is None if the question is under way, or there is none.
         """
         running = self._running.get(key)
         if running is None or not running.future.done():
             return None
         del self._running[key]
         try:
-            return running.question, running.future.result()
+            return running.question, *running.future.result()
         except BrokenProcessPool:
             self._lose(running.pool)
         except Exception as error:
@@ -148,7 +149,7 @@ class SlowWork:
             self.failures += 1
             self._rests[key] = monotonic() + _REST
             self._warn(f"{' of '.join(key)} failed: {type(error).__name__}: {error}")
-        return running.question, None
+        return running.question, None, 0.0
 
     def _lose(self, pool: ProcessPoolExecutor) -> None:
         self.failures += 1
@@ -178,6 +179,12 @@ class SlowWork:
         self._pool, self._processes = None, []
 
 
+def _timed(function: Callable[[Any], Any], question: Any) -> tuple[Any, float]:
+    """What a function returns, and what it took of a core [s]."""
+    began = process_time()
+    return function(question), process_time() - began
+
+
 def _begin(parent: int) -> None:
     os.nice(NICENESS)
     die_with_parent(parent)
@@ -202,9 +209,9 @@ class Background(Generic[Question, Answer]):
         """The last question of this name that was answered, and its answer."""
         done = self._work.pop_result((self._kind, name))
         if done is not None:
-            self._took[name] = monotonic() - self._submitted_at[name]
-            if done[1] is not None:
-                self._answers[name] = done
+            question, answer, self._took[name] = done
+            if answer is not None:
+                self._answers[name] = question, answer
         return self._answers.get(name)
 
     def under_way(self, name: str) -> bool:
@@ -212,11 +219,9 @@ class Background(Generic[Question, Answer]):
         return self._work.is_under_way((self._kind, name))
 
     def is_due(self, name: str, now: float) -> bool:
-        """Whether what has changed slightly is to be asked again: all such answers together take a tenth of a core.
-
-        An answer that waits for those of other joints took that much longer.
-        """
-        return now - self._submitted_at.get(name, -math.inf) >= self._took.get(name, 0.0) / _SHARE
+        """Whether what has changed slightly is to be asked again: all such answers together take a tenth of a core."""
+        rest = len(self._took) * self._took.get(name, 0.0) / _SHARE
+        return now - self._submitted_at.get(name, -math.inf) >= rest
 
     def submit(self, name: str, question: Question, now: float) -> None:
         """Begin to answer a question, unless one of this name is under way: it is then to be submitted again.
