@@ -41,7 +41,7 @@ _LAST_WAIT = 0.5  # wait for the pool to close, s: it takes milliseconds
 Key = tuple[str, str]
 Question = TypeVar("Question")
 Answer = TypeVar("Answer")
-_SHARE = 0.1  # of a core, 1: what answers take at most that are to follow friction and speed, which change all the time
+_SHARE = 0.1  # of a core, 1: what answers take at most that follow gains, friction and speed while these change
 _KIND = "study"
 
 
@@ -219,7 +219,7 @@ class Background(Generic[Question, Answer]):
         return self._work.is_under_way((self._kind, name))
 
     def is_due(self, name: str, now: float) -> bool:
-        """Whether what has changed slightly is to be asked again: all such answers together take a tenth of a core."""
+        """Whether to ask again, where that can wait: all answers together take a tenth of a core."""
         rest = len(self._took) * self._took.get(name, 0.0) / _SHARE
         return now - self._submitted_at.get(name, -math.inf) >= rest
 
@@ -247,13 +247,12 @@ class AdviceWorker:
             known = self._background.latest(name)
             if known is not None and known[0].similar(question):
                 return known[1]
-            # Learning changes the friction with every slip, and the speed may never be the same twice. While the
-            # gains are the same, the latest advice is the best there can be.
-            advice = known[1] if known is not None and known[0].comparable(question) else None
+            # A ramp changes the gains all the time, learning the friction with every slip, and the speed may never be
+            # the same twice. While the gains are the same, the latest advice is the best there can be.
             now = monotonic()
-            if advice is None or self._background.is_due(name, now):
+            if self._background.is_due(name, now):
                 self._background.submit(name, question, now)
-            return advice
+            return known[1] if known is not None and known[0].comparable(question) else None
 
         return latest
 
