@@ -134,8 +134,6 @@ def select_model(
             configured, gains, f"friction of the law {configured.friction.law_in_words} is not estimated"
         )
     if estimate is not None and estimate.usable:
-        if estimate.is_a_guess:
-            return None, f"the friction could not be determined from this motion; {_more(estimate)}"
         selected = _learnt(estimate, gains)
         if selected is not None:
             if configured is not None:
@@ -161,18 +159,14 @@ def _configured(joint: Joint, gains: Gains | None, why: str) -> tuple[SelectedMo
 
 def _why_no_advice(estimate: FrictionEstimate, *, factors: bool) -> str:
     """Why gains from an estimate would be a guess, and which data would help; "" if they would be none."""
+    more = "record the effort, or the reference beside the controller's gains" if estimate.normalised else ""
+    if estimate.is_a_guess:
+        guess = "the friction could not be determined from this motion"
+        return f"{guess}; {more or 'let the joint slip at another speed, too'}"
     # A factor multiplies the damping that slips show; on a flexible load that was up to 28 times the true one.
     if factors and estimate.mismatch:
-        unfit = "the friction model does not fit the slips, and only they show the damping that is to change"
-        return f"{unfit}; {_more(estimate)}"
+        return f"the friction model does not fit the slips, and only they show the damping that is to change; {more}"
     return ""
-
-
-def _more(estimate: FrictionEstimate) -> str:
-    """What to record, so that more is known."""
-    if estimate.normalised:
-        return "record the effort, or the reference beside the controller's gains"
-    return "let the joint slip at another speed, too"
 
 
 def _learnt(estimate: FrictionEstimate, gains: Gains | None) -> SelectedModel | None:

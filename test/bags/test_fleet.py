@@ -201,7 +201,6 @@ def test_a_killed_process_loses_nothing(fleet: Path, alone: str) -> None:
     assert json.dumps(found) == alone
 
 
-@pytest.mark.nightly
 def test_a_process_that_dies_stops_no_other_for_ever(tmp_path: Path) -> None:
     """The other one is asked to end in the middle of a bag; it handed that on as its answer, and waited for more."""
     for name in "ab":

@@ -131,7 +131,6 @@ def test_ctrl_c_leaves_no_joint_moving(ros_domain: int, number: signal.Signals) 
         assert stands[-1, 1] > 0.51
 
 
-@pytest.mark.nightly
 def test_another_trajectory_is_not_judged_as_ours(ros_domain: int) -> None:
     """Issue 15: somebody sends the controller another trajectory meanwhile: the experiment says so and ends."""
     from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint

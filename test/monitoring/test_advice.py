@@ -278,10 +278,7 @@ def test_a_slow_recording_is_not_a_slow_controller(puma: Joint) -> None:
 
 
 def test_no_gains_are_advised_from_a_guess() -> None:
-    """Issue 36, items 3, 4 and 6: half cosines of 16 mrad without noise, positions alone: no friction can be told.
-
-    Nor is there a margin then: of a joint that stuck, a reserve of +45 % was in a table.
-    """
+    """Issue 36, items 3, 4 and 6: half cosines of 16 mrad without noise, positions alone: no friction can be told."""
     count = np.arange(2000)
     risen = 0.5 * (1.0 - np.cos(np.pi * np.clip((count % 80 - 50) / 30.0, 0.0, 1.0)))
     monitor = JointMonitor()
@@ -290,10 +287,10 @@ def test_no_gains_are_advised_from_a_guess() -> None:
     state = monitor.assessment()
     assert state.estimate is not None
     assert state.estimate.is_a_guess
-    assert state.recommended is None
-    assert state.margin is None
-    assert state.margin_reason == (
-        "the friction could not be determined from this motion; "
+    assert state.recommended is not None
+    assert not state.recommended.found
+    assert state.recommended.reason == (
+        "no advice: the friction could not be determined from this motion; "
         "record the effort, or the reference beside the controller's gains"
     )
 

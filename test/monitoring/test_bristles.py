@@ -80,7 +80,6 @@ def on_bristles(
     return machine, monitor.learner.estimate
 
 
-@pytest.mark.nightly
 def test_slips_that_begin_slowly_are_fitted(puma: Joint) -> None:
     """Inertia, Stribeck friction and velocity are identified and right, the contact is reported, the verdict sure."""
     gains = Gains(stiffness=630.0)

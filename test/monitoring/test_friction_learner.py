@@ -433,7 +433,6 @@ def test_a_few_slips_the_other_way_do_not_halve_the_friction(puma: Joint, others
     assert math.isnan(load) if others < 3 else abs(load) < 0.1
 
 
-@pytest.mark.nightly
 def test_slips_against_their_reference_end_no_study() -> None:
     """No slip can be simulated with the reference of another joint, here the mirrored one; analyze had a traceback."""
     time = 0.01 * np.arange(4000)

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import io
 
-import pytest
 from matplotlib.image import imread
 from nodes.forked_nodes import NodeProcess
 from nodes.support_ros import Probe, probe
@@ -26,7 +25,6 @@ class Viewer:
         one.node.create_subscription(CompressedImage, "/stickslip_monitor/stability_map", self.images.append, qos)
 
 
-@pytest.mark.nightly
 def test_a_picture_of_a_joint_that_sticks(ros_domain: int) -> None:
     """Issue 8: `~/stability_map` shows a joint that sticks, again on change, and to whoever comes later."""
     with NodeProcess("simulated_joint", {"rate": 250.0}), NodeProcess("monitor", KNOWN), probe() as one:
