@@ -630,7 +630,7 @@ def test_advice_is_no_loop_that_runs_away(puma: Joint) -> None:
     [
         (300.0, OperatingConditions(), None),
         (0.0, OperatingConditions(controller_period=0.004, control_delay=True), None),
-        nightly(0.0, OperatingConditions(), Transmission(resonance=15.0, antiresonance=11.0)),
+        (0.0, OperatingConditions(), Transmission(resonance=15.0, antiresonance=11.0)),
     ],
     ids=["integral", "late", "two masses"],
 )
